@@ -16,7 +16,7 @@ from ..running import (
     open_runs,
     require_free,
     run as run_agent,
-    score as score_runs,
+    score_opened,
     skipped_line,
 )
 from ..scoring import rejected_line
@@ -93,16 +93,19 @@ def score(
     ] = False,
 ) -> None:
     """Score stored rollouts; several runs are tested against each other."""
-    runs = open_runs(folders, root, env, samples)
-    rows = [row for opened in runs for row in official_scores(opened)] if official else []
-    scored = score_runs(folders, RunOptions(root), env, samples=samples)
+    title = ", ".join(folder.name for folder in folders)
+    rows = []
+    with long_work(f"scoring {title}") as progress:
+        runs = open_runs(folders, root, env, samples)
+        if official:
+            rows = [row for opened in runs for row in official_scores(opened)]
+        scored = score_opened(runs, RunOptions(root, progress=progress))
     report = scored.report
     content = report.to_json("condition", "paired", "details")
     if rows:
         content["official"] = [row.model_dump() for row in rows]
     write_json(json_file, {**content, "skipped": scored.skipped})
     names = [row.agent for row in report.rows]
-    title = ", ".join(folder.name for folder in folders)
     show_report(report, title, scored.skipped, shown, names)
     show_differences(report, shown)
     if rows:

@@ -78,5 +78,6 @@ from .stored import (
     run as run,
     run_info as run_info,
     score as score,
+    score_opened as score_opened,
 )
 from .track_export import export_tracks as export_tracks

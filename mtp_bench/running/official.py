@@ -21,7 +21,7 @@ def official_scores(opened: OpenedRun) -> list[OfficialRow]:
         scene = opened.recorded(rollout.scene)
         truth = source.listed_truth(rollout.scene)
         scenes.append(official_scene(rollout, card.task.classes, scene, *truth))
-    return official_rows(scenes)
+    return official_rows(opened.run.info.agent, scenes)
 
 
 def require_nuscenes(card: Card) -> None:

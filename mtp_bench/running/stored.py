@@ -245,13 +245,17 @@ def score(
         raise RolloutError(f"the runs are {named}, expected each once")
     with long_work(f"scoring {named}", progress=options.progress) as progress:
         options = replace(options, progress=progress)
-        runs = open_runs(paths, options.data, env_id, samples)
-        progress.started(sum(len(opened.run.rollouts) for opened in runs))
-        agents = [run_scores(opened, options) for opened in runs]
-        first = runs[0]
-        scenes = [rollout.scene for rollout in first.run.rollouts]
-        reference = reference_for(first.card, scenes, options)
-        report = summarise(agents, first.card, reference, with_each_other=True)
+        return score_opened(open_runs(paths, options.data, env_id, samples), options)
+
+
+def score_opened(runs: Sequence[OpenedRun], options: RunOptions) -> StoredScore:
+    """Score opened runs of one task in one table, see `score`."""
+    options.progress.started(sum(len(opened.run.rollouts) for opened in runs))
+    agents = [run_scores(opened, options) for opened in runs]
+    first = runs[0]
+    scenes = [rollout.scene for rollout in first.run.rollouts]
+    reference = reference_for(first.card, scenes, options)
+    report = summarise(agents, first.card, reference, with_each_other=True)
     infos = [opened.run.info for opened in runs]
     notes = [f"{info.note}: {info.agent}" for info in infos if info.note]
     if notes:

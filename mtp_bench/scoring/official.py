@@ -30,6 +30,7 @@ _UNIAD_SCORES = (0.0, 0.3, 0.5)
 _F1_GUARD = 1e-5  # of MFEval: its choice of a confidence depends on it
 
 Names = NDArray[np.str_]
+_Number = tuple[str, int, float | None]  # its name, its targets, and itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,19 +103,25 @@ def official_scene(
     return OfficialScene(forecasts, targets, pairs.keep(in_mfeval), errors[in_mfeval])
 
 
-def official_rows(scenes: Sequence[OfficialScene]) -> list[OfficialRow]:
-    """Return the rows of MFEval and of UniAD over all ``scenes``."""
+def official_rows(agent: str, scenes: Sequence[OfficialScene]) -> list[OfficialRow]:
+    """Return the rows of MFEval and of UniAD over all ``scenes`` of an agent."""
     forecasts = joined([scene.forecasts for scene in scenes])
     targets = sum((scene.targets for scene in scenes), Counter[str]())
-    mfeval_rows = _mfeval_rows(scenes, forecasts, targets)
-    return [*mfeval_rows, *_uniad_rows(forecasts, targets)]
+    numbers = [
+        *_mfeval_numbers(scenes, forecasts, targets),
+        *_uniad_numbers(forecasts, targets),
+    ]
+    return [
+        OfficialRow(agent=agent, number=name, targets=count, value=value)
+        for name, count, value in numbers
+    ]
 
 
-def _mfeval_rows(
+def _mfeval_numbers(
     scenes: Sequence[OfficialScene],
     forecasts: OfficialForecasts,
     targets: Counter[str],
-) -> Iterator[OfficialRow]:
+) -> Iterator[_Number]:
     precisions: list[float] = []
     errors = [np.zeros((0, 2))]
     for name in _MFEVAL_CLASSES:
@@ -140,7 +147,7 @@ def _mfeval_rows(
     }
     all_targets = sum(targets[name] for name in _MFEVAL_CLASSES)
     for name, value in values.items():
-        yield OfficialRow(number=f"MFEval {name}", targets=all_targets, value=value)
+        yield f"MFEval {name}", all_targets, value
 
 
 def _best_score(hit: Bools, score: Floats, targets: int) -> float:
@@ -153,20 +160,17 @@ def _best_score(hit: Bools, score: Floats, targets: int) -> float:
     return float(score[order[f1.argmax()]]) if len(score) else 0.0
 
 
-def _uniad_rows(
+def _uniad_numbers(
     forecasts: OfficialForecasts, targets: Counter[str]
-) -> Iterator[OfficialRow]:
+) -> Iterator[_Number]:
     for name in (_UNIAD_CAR, _UNIAD_PEDESTRIAN):
         for least_score in _UNIAD_SCORES:
             counted = forecasts.uniad_class == name
             counted &= forecasts.score >= least_score
             hits = forecasts.uniad_hit[counted].sum()
             false_forecasts = (~forecasts.uniad_matched[counted]).sum()
-            yield OfficialRow(
-                number=f"{name}, from {least_score}",
-                targets=targets[name],
-                value=end_to_end_accuracy(hits, false_forecasts, targets[name]),
-            )
+            value = end_to_end_accuracy(hits, false_forecasts, targets[name])
+            yield f"{name}, from {least_score}", targets[name], value
 
 
 def _merged_class(names: Names, offset: Floats) -> Names:

@@ -393,6 +393,7 @@ class Details(AgentSetting):
 class OfficialRow(Section):
     """A number of an official program."""
 
+    agent: Annotated[str, Column(help="Name of the agent.")]
     number: Annotated[str, Column(help="Program and number, with its unit.")]
     targets: Annotated[Count, Column(help="True objects that it counts.")]
     value: Annotated[float | None, Column(help="The number.")]

@@ -29,7 +29,7 @@ def drive(x: float, y: float, speed: float = 0.0) -> np.ndarray[Any, Any]:
 
 
 def numbers(*scenes: OfficialScene) -> dict[str, float | None]:
-    return {row.number: None if row.value is None else round(row.value, 4) for row in official_rows(scenes)}
+    return {row.number: None if row.value is None else round(row.value, 4) for row in official_rows("one", scenes)}
 
 
 def counted(
@@ -192,7 +192,7 @@ def test_the_numbers_of_the_official_scripts(agent: str, data_root: Path, tmp_pa
 
 
 def test_rows_are_json() -> None:
-    rows = official_rows([counted(present(at(1, (10, 0))), [[CREEPS]])])
+    rows = official_rows("one", [counted(present(at(1, (10, 0))), [[CREEPS]])])
     assert json.loads(json.dumps([row.model_dump() for row in rows]))[0] == {
         "number": "MFEval minADE, m", "targets": 1, "value": 1.625
     }  # fmt: skip
