@@ -170,13 +170,14 @@ def test_the_numbers_of_the_official_scripts(agent: str, data_root: Path, tmp_pa
     if agent == "stp":
         content = json.loads(cli.ok("score", tmp_path / "run", "--data", data_root, "--official", "--json", "-"))
         assert content["official"][5] == {
+            "agent": "stp",
             "number": "UniAD EPA, car, from 0.3",
             "targets": 7377,
             "value": pytest.approx(0.547, abs=0.00051),
         }
         printed = cli.ok("score", tmp_path / "run", "--data", data_root, "--official")
         assert "\nOfficial numbers\n" in printed
-        assert "UniAD EPA, car, from 0.3           7377  0.547\n" in printed
+        assert "stp   UniAD EPA, car, from 0.3           7377  0.547\n" in printed
     opened = open_run(tmp_path / "run", str(data_root))
     values = [row.value for row in official_scores(opened)[4:]]
     for value, expected in zip(values, UNIAD[agent], strict=True):
@@ -194,6 +195,6 @@ def test_the_numbers_of_the_official_scripts(agent: str, data_root: Path, tmp_pa
 def test_rows_are_json() -> None:
     rows = official_rows("one", [counted(present(at(1, (10, 0))), [[CREEPS]])])
     assert json.loads(json.dumps([row.model_dump() for row in rows]))[0] == {
-        "number": "MFEval minADE, m", "targets": 1, "value": 1.625
+        "agent": "one", "number": "MFEval minADE, m", "targets": 1, "value": 1.625
     }  # fmt: skip
     assert isinstance(rows[0], OfficialRow)
