@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from ..core import (
     Bools,
     DataError,
     Floats,
+    Ints,
     Rollout,
     Scene,
     Task,
@@ -35,7 +35,7 @@ from ..sources import (
 from .options import DEFAULTS, RunOptions
 from .playing import library_versions
 from .rollout_files import RunInfo, save_run
-from .stored import OWN_DETECTIONS, require_free
+from .stored import OWN_DETECTIONS, heaviest_samples, require_free
 
 SHORT_CARDS = {  # environments of 3 s for those of other sources' horizons
     "nuscenes": "MTP-nuScenes-3s-v0",
@@ -44,7 +44,7 @@ SHORT_CARDS = {  # environments of 3 s for those of other sources' horizons
 PRESENT_M = 0.01  # from the box: a step that is the present place
 FAR_M = 5.0  # from the box: an object that moves
 LOST_M = 20.0  # from the box after one step: another frame of reference
-_MAX_SHARE = 0.5  # of objects with such a fault
+_MAX_SHARE = 0.5  # of objects or samples with such a fault
 
 
 def import_forecasts(
@@ -95,11 +95,18 @@ def import_forecasts(
             rollouts.append(reader.rollout(scene, read(scene)))
             progress.done(name)
         reader.require_plausible(constant_confidence)
+        if reader.samples < env.task.samples:
+            # without the room for samples that no object has
+            rollouts = [heaviest_samples(each, reader.samples) for each in rollouts]
         if folder is not None:
             parameters = reader.parameters(form, own_detections)
             info = _info(card, path, reader.samples, parameters, options)
-            save_run(folder, info, map(reader.trimmed, rollouts))
-    return list(reader.lines(form, own_detections))
+            save_run(folder, info, rollouts)
+    return [
+        *reader.lines(form),
+        *reader.class_lines(),
+        *reader.notes(own_detections),
+    ]
 
 
 class _Import:
@@ -116,58 +123,39 @@ class _Import:
                 f"{path}: its steps are at {rate:g} Hz, those of {card.id} at "
                 f"{card.task.rate:g} Hz: expected a multiple; --rate states another one"
             )
-        self.counts = Counter[str]()
+        self._numbers = Counter[str]()  # what is said, and what decides if it is sound
+        self._rows = Counter[str]()  # rows of the file by what happened to them
         self._objects_of = Counter[str]()  # by class
-        self._confidences: set[float] = set()
-        self._frames = 0
+        self._confidence = (math.inf, -math.inf)  # least and most
         self._steps = 0
         self._most_samples = 0
-        self._first_m: list[Floats] = []  # m from the box: nearest sample, first step
-        self._moves: list[Bools] = []  # the last step is far from the box
         self._others = 0
 
     @property
     def samples(self) -> int:
         """Samples per object that the run has."""
-        return min(self._most_samples, self._task.samples)
+        return min(max(self._most_samples, 1), self._task.samples)
 
     def rollout(self, scene: Scene, stored: StoredForecasts) -> Rollout:
         """Return the actions of a scene, with room for all samples of the task."""
-        self._frames += scene.frames
+        task = self._task
+        self._numbers["scenes"] += 1
+        self._numbers["frames"] += scene.frames
         self._others = stored.others
-        self.counts.update(stored.notes)
+        self._rows.update(stored.notes)
         self._objects_of.update(stored.class_name.tolist())
         self._most_samples = max(self._most_samples, stored.path.shape[1])
         self._steps = max(self._steps, stored.path.shape[2])
-        class_id = class_ids(stored.class_name.tolist(), self._task.classes)
-        is_used = class_id >= 0
-        confidence = stored.confidence[is_used]
-        self._confidences.update(confidence[np.isfinite(confidence)].tolist())
-        offset = self._offsets(stored)
-        first_m = np.linalg.norm(offset[is_used, :, 0], axis=-1)
-        self._first_m.append(np.fmin.reduce(first_m, axis=1, initial=np.inf))
-        last_m = np.linalg.norm(offset[is_used, :, -1], axis=-1)
-        self._moves.append(np.fmax.reduce(last_m, axis=1, initial=0.0) > FAR_M)
-        log_weight = stored.log_weight
-        if log_weight.shape[1] > self._task.samples:
-            order = np.argsort(-log_weight, axis=1, kind="stable")
-            kept = order[:, : self._task.samples]
-            log_weight = np.take_along_axis(log_weight, kept, axis=1)
-            offset = np.take_along_axis(offset, kept[..., None, None], axis=1)
+        class_id = class_ids(stored.class_name.tolist(), task.classes)
+        offset, log_weight = self._forecasts(stored)
+        self._count_faults(stored, class_id >= 0)
         _, track_id = np.unique(stored.identity, return_inverse=True)
         actions = []
         for t in range(scene.frames):
-            rows = np.flatnonzero(is_used & (stored.frame == t))
-            # an action leaves out the last objects that do not fit
-            if len(rows) > self._task.objects:
-                by_confidence = np.argsort(-stored.confidence[rows], kind="stable")
-                rows = rows[by_confidence]
-                self.counts["objects beyond those that fit in a frame"] += (
-                    len(rows) - self._task.objects
-                )
+            rows = self._fitting(stored, (stored.frame == t) & (class_id >= 0))
             tracked = rows[stored.identity[rows] != ""]
             action = make_action(
-                self._task,
+                task,
                 stored.box[rows],
                 class_id[rows],
                 offset[rows],
@@ -178,18 +166,38 @@ class _Import:
                 ),
                 checked=False,
             )
-            recorded = record_action(check_action(action, self._task), self._task)
-            self.counts["tracks"] += len(recorded.track_id)
-            self.counts["objects"] += len(recorded.object_class)
-            self.counts["rejected rows"] += int(recorded.invalid.sum())
+            recorded = record_action(check_action(action, task), task)
+            self._numbers["tracks"] += len(recorded.track_id)
+            self._numbers["objects"] += len(recorded.object_class)
+            self._rows["rejected rows"] += int(recorded.invalid.sum())
             actions.append(recorded)
         return assemble(scene.name, actions, np.zeros(scene.frames, dtype=np.int64))
 
-    def _offsets(self, stored: StoredForecasts) -> Floats:
-        """Return offsets [R, K, T, 2] m from the box at the steps of the task."""
+    def _fitting(self, stored: StoredForecasts, is_used: Bools) -> Ints:
+        """Return the rows that fit into an action, else the most confident of them."""
+        rows = np.flatnonzero(is_used)
+        surplus = len(rows) - self._task.objects
+        if surplus <= 0:
+            return rows
+        self._rows["objects beyond those that fit in a frame"] += surplus
+        order = np.argsort(-stored.confidence[rows], kind="stable")
+        return rows[order[: self._task.objects]]
+
+    def _forecasts(self, stored: StoredForecasts) -> tuple[Floats, Floats]:
+        """Return offsets [R, k, T, 2] m from the box, and their log-weights [R, k].
+
+        They are at the steps of the task, of the heaviest samples, in their order.
+        """
         future = self._task.future
         path = stored.path[:, :, self._stride - 1 :: self._stride][:, :, :future]
-        if len(path) and path.shape[2] < future:
+        log_weight = stored.log_weight
+        is_standing = np.isneginf(log_weight).all(axis=1)
+        is_standing &= np.isnan(path).all(axis=(1, 2, 3))
+        self._rows["objects without a forecast, taken to stand"] += is_standing.sum()
+        objects = len(stored.frame)
+        if is_standing.sum() == objects:
+            return np.zeros((objects, 1, future, 2)), np.zeros((objects, 1))
+        if path.shape[2] < future:
             seconds = stored.path.shape[2] / self._rate
             short = SHORT_CARDS.get(self._card.source.name)
             advice = f"; {short} scores 3 s" if short else ""
@@ -197,49 +205,66 @@ class _Import:
                 f"{self._path}: its forecasts end after {seconds:g} s, "
                 f"{self._card.id} scores {future * self._task.dt:g} s{advice}"
             )
-        if not len(path):
-            return np.zeros((0, path.shape[1], future, 2))
-        return np.asarray(path - stored.box[:, None, None, :2])
+        order = np.argsort(-log_weight, axis=1, kind="stable")
+        kept = np.sort(order[:, : self._task.samples], axis=1)
+        log_weight = np.take_along_axis(log_weight, kept, axis=1)
+        path = np.take_along_axis(path, kept[..., None, None], axis=1)
+        offset = path - stored.box[:, None, None, :2]
+        offset[is_standing, 0] = 0
+        log_weight[is_standing, 0] = 0
+        return offset, log_weight
+
+    def _count_faults(self, stored: StoredForecasts, is_used: Bools) -> None:
+        """Count objects and samples that look as if the file is read in a wrong way."""
+        confidence = stored.confidence[is_used & np.isfinite(stored.confidence)]
+        least, most = self._confidence
+        self._confidence = (
+            confidence.min(initial=least),
+            confidence.max(initial=most),
+        )
+        self._numbers["used"] += is_used.sum()
+        if 0 in stored.path.shape:
+            return
+        centre = stored.box[:, None, :2]
+        first_m = np.linalg.norm(stored.path[:, :, 0] - centre, axis=-1)[is_used]
+        last_m = np.linalg.norm(stored.path[:, :, -1] - centre, axis=-1)[is_used]
+        nearest_m = np.fmin.reduce(first_m, axis=1)
+        self._numbers["forecast"] += np.isfinite(nearest_m).sum()
+        self._numbers["lost"] += (nearest_m > LOST_M).sum()
+        moves = last_m > FAR_M
+        self._numbers["moving samples"] += moves.sum()
+        self._numbers["at the present"] += (first_m[moves] < PRESENT_M).sum()
 
     def require_plausible(self, constant_confidence: bool) -> None:
         """Raise DataError for a file that is read in a wrong way, or has no order."""
-        first_m = np.concatenate(self._first_m)
-        moves = np.concatenate(self._moves)
-        if not len(first_m):
+        count = self._numbers
+        if not count["used"]:
             raise DataError(
                 f"{self._path}: no object of {', '.join(self._task.classes)} in the "
-                f"{counted(len(self._first_m), 'scene')} that are scored"
+                f"{counted(count['scenes'], 'scene')} that are scored"
             )
-        if np.mean(first_m > LOST_M) > _MAX_SHARE:
+        if count["lost"] > _MAX_SHARE * count["forecast"]:
             raise DataError(
-                f"{self._path}: after one step {np.mean(first_m > LOST_M):.0%} of the "
-                f"objects are forecast more than {LOST_M:g} m from their boxes: the "
-                "places are likely in another frame of reference (of the lidar or the "
-                "ego), or of another --form"
+                f"{self._path}: after one step {count['lost'] / count['forecast']:.0%} "
+                f"of the objects are forecast more than {LOST_M:g} m from their boxes: "
+                "the places are likely in another frame of reference (of the lidar or "
+                "the ego), or of another --form"
             )
-        if moves.any() and np.mean(first_m[moves] < PRESENT_M) > _MAX_SHARE:
+        if count["at the present"] > _MAX_SHARE * count["moving samples"]:
             raise DataError(
                 f"{self._path}: the file seems to begin at the present, since the first "
                 "step of most moving objects is their present place; expected the "
                 "place after one period"
             )
-        if not self._confidences:
+        least, most = self._confidence
+        if not math.isfinite(least):
             raise DataError(f"{self._path}: no object has a confidence, expected each")
-        if len(self._confidences) == 1 and len(first_m) > 1 and not constant_confidence:
+        if least == most and count["used"] > 1 and not constant_confidence:
             raise DataError(
-                f"{self._path}: each object has the confidence "
-                f"{next(iter(self._confidences)):g}, so that none can be left out "
-                "first and bADE is far higher; write the scores of the detector, or "
-                "pass --constant-confidence"
+                f"{self._path}: each object has the confidence {least:g}, so that none "
+                "can be left out first and bADE is far higher; write the scores of the "
+                "detector, or pass --constant-confidence"
             )
-
-    def trimmed(self, rollout: Rollout) -> Rollout:
-        """Return the rollout without the room for samples that no object has."""
-        return replace(
-            rollout,
-            forecast=rollout.forecast[:, : self.samples],
-            forecast_log_weight=rollout.forecast_log_weight[:, : self.samples],
-        )
 
     def parameters(self, form: str, own_detections: bool) -> dict[str, Any]:
         """Return what is stored with the run."""
@@ -255,12 +280,12 @@ class _Import:
             "rate": self._rate,
             "modes": self._most_samples,
             "seconds": self._steps / self._rate,
-            "least_confidence": min(self._confidences),
+            "least_confidence": self._confidence[0],
             OWN_DETECTIONS: own_detections,
         }
 
-    def lines(self, form: str, own_detections: bool) -> Iterator[str]:
-        """Yield what was read and how it was understood."""
+    def lines(self, form: str) -> Iterator[str]:
+        """Yield the shape of the forecasts, and which samples are kept."""
         task = self._task
         yield (
             f"{self._path.name}, form {form}: {self._steps} steps at {self._rate:g} Hz "
@@ -272,34 +297,41 @@ class _Import:
             yield f"the {task.samples} heaviest samples of each object are kept"
         if self.samples < task.samples:
             yield (
-                "fewer samples have larger errors: `mtp-bench score RUNS --samples "
-                f"{self.samples}` cuts all runs alike"
+                f"{self.samples} of {task.samples} samples have larger errors: "
+                f"`mtp-bench score RUNS --samples {self.samples}` cuts all runs alike"
             )
         yield (
-            f"{counted(self.counts.pop('objects'), 'object')} in "
-            f"{counted(self._frames, 'frame')} of "
-            f"{counted(len(self._first_m), 'scene')}"
+            f"{counted(self._numbers['objects'], 'object')} in "
+            f"{counted(self._numbers['frames'], 'frame')} of "
+            f"{counted(self._numbers['scenes'], 'scene')}"
         )
-        skipped = {
-            name or "without a class": number
+
+    def class_lines(self) -> Iterator[str]:
+        """Yield which classes are left out, and which the file lacks."""
+        classes = self._task.classes
+        skipped = [
+            f"{name or 'without a class'} {number}"
             for name, number in self._objects_of.most_common()
-            if name not in task.classes
-        }
+            if name not in classes
+        ]
         if skipped:
-            numbers = ", ".join(f"{name} {n}" for name, n in skipped.items())
-            yield f"objects of other classes are left out: {numbers}"
-        missing = [name for name in task.classes if not self._objects_of[name]]
+            yield f"objects of other classes are left out: {', '.join(skipped)}"
+        missing = [name for name in classes if not self._objects_of[name]]
         if missing:
             yield (
                 f"no object is a {' or a '.join(missing)}: such targets count as "
                 "missed; --classes scores the classes that it has"
             )
-        yield f"the least confidence is {min(self._confidences):.3g}"
-        if not self.counts.pop("tracks"):
+
+    def notes(self, own_detections: bool) -> Iterator[str]:
+        """Yield what was counted, and what the file lacks."""
+        yield f"no forecast below the confidence {self._confidence[0]:.3g} in the file"
+        if not self._numbers["tracks"]:
             yield "no tracks: identity switches, MOTA and HOTA are not measured"
-        if self._others:
-            self.counts["samples of other scenes"] = self._others
-        yield from (f"{text}: {n}" for text, n in self.counts.items() if n)
+        self._rows["samples of other scenes"] = self._others
+        yield from (
+            f"{text}: {number}" for text, number in self._rows.items() if number
+        )
         yield (
             "detections: the objects of the file"
             if own_detections

@@ -6,7 +6,7 @@ import os
 import tempfile
 import zlib
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import IO
 
 import msgspec
 
@@ -14,6 +14,7 @@ from ..core import DataError, MissingDataError, open_regular
 from .text import as_json, decode
 
 MAX_BYTES = 16 << 30  # of a file, and of what a compressed one unpacks to
+_CHUNK_BYTES = 1 << 24
 
 
 def read_keys(path: Path) -> dict[str, msgspec.Raw]:
@@ -24,32 +25,42 @@ def read_keys(path: Path) -> dict[str, msgspec.Raw]:
     """
     try:
         with open_regular(path) as stream:
-            content = _unpacked(path, stream) if path.suffix == ".gz" else stream
-            _require_size(path, os.fstat(content.fileno()).st_size)
-            # the values are views of it, so it stays open as long as they are used
-            mapped = mmap.mmap(content.fileno(), 0, access=mmap.ACCESS_READ)
+            is_packed = path.suffix == ".gz"
+            mapped = _unpacked(path, stream) if is_packed else _mapped(path, stream)
+        if mapped.find(b"NaN") >= 0 or mapped.find(b"Infinity") >= 0:
+            mapped = _without_nan(path, mapped)
     except FileNotFoundError:
         raise MissingDataError(f"no file {path}") from None
     except (OSError, ValueError, EOFError, zlib.error) as error:
         raise DataError(f"{path} cannot be read: {error}") from None
-    return decode(_without_nan(mapped), dict[str, msgspec.Raw], path)
+    return decode(mapped, dict[str, msgspec.Raw], path)
 
 
-def _without_nan(mapped: mmap.mmap) -> Any:
-    """Return the file, or a changed copy of it if it has numbers that are no JSON."""
-    if mapped.find(b"NaN") < 0 and mapped.find(b"Infinity") < 0:
-        return mapped
-    return as_json(mapped[:])
+def _mapped(path: Path, stream: IO[bytes]) -> mmap.mmap:
+    """Return the content of a file, which may be closed then."""
+    stream.flush()
+    _require_size(path, os.fstat(stream.fileno()).st_size)
+    return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
 
 
-def _unpacked(path: Path, stream: BinaryIO) -> BinaryIO:
-    unpacked: Any = tempfile.TemporaryFile()  # noqa: SIM115 (the map outlives it)
-    with gzip.GzipFile(fileobj=stream) as packed:
-        while chunk := packed.read(1 << 24):
+def _without_nan(path: Path, mapped: mmap.mmap) -> mmap.mmap:
+    """Return a copy of a file, without numbers that are not JSON."""
+    with tempfile.TemporaryFile() as copy:
+        start = 0
+        while start < len(mapped):
+            # no word has a comma
+            end = mapped.find(b",", start + _CHUNK_BYTES) + 1 or len(mapped)
+            copy.write(as_json(mapped[start:end]))
+            start = end
+        return _mapped(path, copy)
+
+
+def _unpacked(path: Path, stream: IO[bytes]) -> mmap.mmap:
+    with gzip.GzipFile(fileobj=stream) as packed, tempfile.TemporaryFile() as unpacked:
+        while chunk := packed.read(_CHUNK_BYTES):
             _require_size(path, unpacked.tell() + len(chunk))
             unpacked.write(chunk)
-    unpacked.flush()
-    return unpacked  # type: ignore[no-any-return]
+        return _mapped(path, unpacked)
 
 
 def _require_size(path: Path, size_bytes: int) -> None:

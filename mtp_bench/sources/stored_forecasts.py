@@ -5,12 +5,12 @@ Each source has forms of its dataset. For every source: a folder with a ``.csv``
 and sample, with the columns of `FORECASTS` and x1 y1 x2 y2 .. for the steps.
 """
 
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,8 @@ from .stored_tracks import refuse_misspelt
 from .tables import RowTable, repeated
 
 MAX_STEPS = 100
+MAX_PLACES = 1 << 26  # in the samples of a scene
+USUAL_SIZES = "objects without a size, which have the usual one of their class"
 _USUAL = "usual size of the class"
 _OPTIONAL = {"z": "half of `h`", "yaw": "0", "l": _USUAL, "w": _USUAL, "h": _USUAL}
 _BOX = [column for column in TRACKS if column.name in ("x", "y", *_OPTIONAL)]
@@ -93,8 +95,10 @@ def read_forecast_table(
     first_row, object_of_row, sample = _objects(table, frame)
     weight = table["weight"] if "weight" in table else np.ones(len(table))
     table.refuse(~(weight > 0), "expected a probability above 0", "weight")
-    path = table.matrix(" ".join(_step_columns(table))).reshape(len(table), -1, 2)
+    places = table.matrix(" ".join(_step_columns(table)))
+    path = places.reshape(len(table), places.shape[1] // 2, 2)
     shape = (len(first_row), int(sample.max(initial=-1)) + 1)
+    require_room((*shape, path.shape[1]), table.source)
     paths = np.full((*shape, *path.shape[1:]), np.nan)
     paths[object_of_row, sample] = path
     log_weight = np.full(shape, -np.inf)
@@ -103,6 +107,7 @@ def read_forecast_table(
     identity = np.full(len(objects), "")
     if "id" in objects:
         identity = objects["id"]
+    left_out = " ".join(name for name in _OPTIONAL if name not in table)
     return StoredForecasts(
         frame=frame[first_row],
         class_name=objects["class"],
@@ -111,6 +116,9 @@ def read_forecast_table(
         path=paths,
         log_weight=log_weight,
         identity=identity,
+        notes={f"objects without {left_out}, taken as usual": len(objects)}
+        if left_out
+        else {},
     )
 
 
@@ -213,24 +221,63 @@ def missing_scene(path: Path, scene: str, found: str) -> DataError:
     )
 
 
-def padded_samples(paths: Sequence[Any], name_of: Callable[[int], str]) -> Floats:
-    """Return samples of R objects, lists [k][S][2], as [R, K, S, 2] with NaN.
+class ObjectForecast(NamedTuple):
+    """Samples of an object of a file, in the terms of `StoredForecasts`."""
 
-    ``name_of``: an object in words. Raises DataError for lists of another shape.
+    frame: int
+    where: str  # in the file, for errors
+    class_name: str
+    box: Sequence[float | None]  # [7]
+    confidence: float | None
+    path: Floats  # [k, S, 2], k = 0: no forecast
+    log_weight: Floats  # [k]
+    identity: str
+
+
+def stack_forecasts(
+    objects: Sequence[ObjectForecast], notes: Mapping[str, int], others: int
+) -> StoredForecasts:
+    """Return the forecasts of all objects of a scene.
+
+    Raises DataError for samples of different lengths, and too many.
     """
-    if len({len(path) for path in paths}) == 1:
-        with suppress(ValueError):
-            array = np.array(paths, dtype=np.float64)
-            if array.ndim == 4 and array.shape[-1] == 2:
-                return array
-    most = max((len(path) for path in paths), default=0)
-    steps = max((len(path[0]) for path in paths if path), default=0)
-    array = np.full((len(paths), most, steps, 2), np.nan)
-    for row, path in enumerate(paths):
-        try:
-            array[row, : len(path)] = np.array(path, dtype=np.float64)
-        except (TypeError, ValueError):
+    most = max((len(item.path) for item in objects), default=0)
+    steps = max((item.path.shape[1] for item in objects), default=0)
+    require_room((len(objects), most, steps), objects[0].where if objects else "")
+    path = np.full((len(objects), most, steps, 2), np.nan)
+    log_weight = np.full((len(objects), most), -np.inf)
+    for row, item in enumerate(objects):
+        samples = len(item.path)
+        if samples and item.path.shape[1] != steps:
             raise DataError(
-                f"{name_of(row)}: expected samples of {steps} places x y each"
-            ) from None
-    return array
+                f"{item.where}: a forecast of {item.path.shape[1]} places, expected "
+                f"{steps} as of other objects"
+            )
+        if len(item.log_weight) != samples:
+            raise DataError(
+                f"{item.where}: {len(item.log_weight)} weights, expected one for each "
+                f"of its {samples} samples"
+            )
+        if samples:
+            path[row, :samples] = item.path
+            log_weight[row, :samples] = item.log_weight
+    return StoredForecasts(
+        frame=np.array([item.frame for item in objects], dtype=np.int64),
+        class_name=np.array([item.class_name for item in objects], dtype=np.str_),
+        box=np.array([item.box for item in objects], np.float64).reshape(-1, 7),
+        confidence=np.array([item.confidence for item in objects], np.float64),
+        path=path,
+        log_weight=log_weight,
+        identity=np.array([item.identity for item in objects], dtype=np.str_),
+        notes=notes,
+        others=others,
+    )
+
+
+def require_room(shape: tuple[int, int, int], where: str) -> None:
+    """Raise DataError for too many objects, samples and steps in a scene."""
+    if math.prod(shape) > MAX_PLACES:
+        raise DataError(
+            f"{where}: {shape[0]} objects of a scene with up to {shape[1]} samples of "
+            f"{shape[2]} steps are above {MAX_PLACES} places, the limit"
+        )

@@ -4,9 +4,11 @@ A file is a JSON object with a list of objects for each sample, which may stand 
 ``results``.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,12 +22,16 @@ from ..base import (
     ForecastForm,
     ReadForecasts,
     StoredForecasts,
-    class_ids,
     usual_sizes,
 )
 from ..mapped import read_keys
 from ..rotation import yaw_of
-from ..stored_forecasts import missing_scene, padded_samples
+from ..stored_forecasts import (
+    USUAL_SIZES,
+    ObjectForecast,
+    missing_scene,
+    stack_forecasts,
+)
 from ..text import decode
 from .lidar import LidarPose, lidar_pose, to_global
 from .source import RATE_HZ, NuScenes
@@ -60,49 +66,50 @@ class ForecastObject(msgspec.Struct, gc=False):
 
 @dataclass(frozen=True)
 class _Form:
-    """Where a form has what; of several keys the first that an object has counts."""
+    """Keys of a form; of several, the first that an object has counts."""
 
     names: Sequence[str]
     scores: Sequence[str]
     paths: Sequence[str]
-    weights: str = ""
-    weight_kind: Literal["probability", "logarithm", "none"] = "none"
-    identity: str = ""
+    weights: Sequence[str] = ()
+    are_logarithms: bool = False  # the weights
+    identity: Sequence[str] = ()
     # "lidar": places in the frame of LIDAR_TOP; "steps": from one place to the next
     frame: Literal["global", "lidar", "steps"] = "global"
 
 
-_TRACK_KEYS = ("tracking_name", "detection_name"), ("tracking_score", "detection_score")
+_TRACKS = _Form(
+    names=("tracking_name", "detection_name"),
+    scores=("tracking_score", "detection_score"),
+    paths=("predict_traj",),
+    weights=("predict_traj_score",),
+    are_logarithms=True,
+    identity=("tracking_id",),
+    frame="lidar",
+)
 _FORMS = {
-    "mfeval": _Form(
-        ("class_name",), ("detection_score",), ("traj",), "traj_prob", "probability"
-    ),
-    "uniad": _Form(
-        *_TRACK_KEYS,
-        ("predict_traj",),
-        "predict_traj_score",
-        "logarithm",
-        "tracking_id",
-        "lidar",
-    ),
-    "vip3d": _Form(
-        *_TRACK_KEYS,
-        ("pred_outputs", "pred_future_trajs"),
-        "pred_probs",
-        "logarithm",
-        "tracking_id",
+    "mfeval": _Form(("class_name",), ("detection_score",), ("traj",), ("traj_prob",)),
+    "uniad": _TRACKS,
+    "vip3d": replace(
+        _TRACKS,
+        paths=("pred_outputs", "pred_future_trajs"),
+        weights=("pred_probs",),
+        frame="global",
     ),
     "vad": _Form(
         ("detection_name",), ("detection_score",), ("fut_traj",), frame="steps"
     ),
 }
-_VAD_MODES = 6  # of a flat list, with as many steps in each
+_VAD_MODES = 6  # of a flat list
 
 
 def _first(item: ForecastObject, keys: Sequence[str]) -> Any:
     """Return the value of the first key that the object has, else None."""
-    values = (getattr(item, key) for key in keys)
-    return next((value for value in values if value is not None), None)
+    for key in keys:
+        value = getattr(item, key)
+        if value is not None:
+            return value
+    return None
 
 
 def _open(form: _Form, card: Card, data: DataRoot, path: Path) -> ReadForecasts:
@@ -136,124 +143,94 @@ def _scene_forecasts(
             f"{path}: no entry for sample {missing[0]!r} of {scene.name}, expected one "
             f"for each of its {len(tokens)} samples, empty where nothing is forecast"
         )
-    frame: list[int] = []
     items: list[ForecastObject] = []
+    objects: list[ObjectForecast] = []
+    classes = card.task.classes
+    sizes = dict(zip(classes, usual_sizes(classes).tolist(), strict=True))
     for t, token in enumerate(tokens):
         where = f"{path}, sample {token!r}"
         found = decode(samples.pop(token), list[ForecastObject], where)
-        frame += [t] * len(found)
         items += found
+        objects += [_object_of(item, form, t, where, sizes) for item in found]
+    notes = {USUAL_SIZES: sum(item.size is None for item in items)}
+    stored = stack_forecasts(objects, notes, len(samples))
+    rotation = [item.rotation or (1.0, 0.0, 0.0, 0.0) for item in items]
+    stored.box[:, 3] = yaw_of(np.array(rotation, np.float64).reshape(-1, 4))
+    if form.frame != "global":
+        for t, token in enumerate(tokens):
+            rows = stored.frame == t
+            places = stored.path[rows]
+            pose = lidar_pose(tables, token)
+            stored.path[rows] = _in_scene(places, stored.box[rows], pose, form)
+    return stored
 
-    def name_of(row: int) -> str:
-        return f"{path}, sample {tokens[frame[row]]!r}, an object"
 
-    class_name = [_first(item, form.names) or "" for item in items]
-    frame_of_object = np.array(frame, dtype=np.int64)
-    box = _boxes(items, class_name, card)
-    paths = [_samples_of(item, form, name_of, row) for row, item in enumerate(items)]
-    places = padded_samples(paths, name_of)
-    for t in np.unique(frame_of_object).tolist():
-        of_frame = frame_of_object == t
-        pose = lidar_pose(tables, tokens[t])
-        places[of_frame] = _in_scene(places[of_frame], box[of_frame], pose, form)
-    is_standing = np.array([len(path) == 0 for path in paths], dtype=bool)
-    if places.shape[1]:
-        places[is_standing, 0] = box[is_standing, None, :2]
-    identity = [
-        getattr(item, form.identity) if form.identity else None for item in items
-    ]
-    return StoredForecasts(
-        others=len(samples),
-        frame=frame_of_object,
-        class_name=np.array(class_name, dtype=np.str_),
-        box=box,
-        confidence=_numbers([_first(item, form.scores) for item in items]),
-        path=places,
-        log_weight=_log_weights(items, form, places, name_of),
-        identity=np.array(
-            ["" if name is None else str(name) for name in identity], dtype=np.str_
-        ),
-        notes={"objects without a forecast, taken to stand": int(is_standing.sum())},
+def _object_of(
+    item: ForecastObject,
+    form: _Form,
+    frame: int,
+    where: str,
+    sizes: Mapping[str, Sequence[float]],
+) -> ObjectForecast:
+    """Return an object of the file without its heading; ``sizes``: l w h by class."""
+    name = _first(item, form.names) or ""
+    z = item.translation[2] if len(item.translation) > 2 else 0.0
+    size: Sequence[_Cell] = sizes.get(name, (0.0,) * 3)
+    if item.size is not None:
+        width, length, height = item.size
+        size = (length, width, height)
+    identity = _first(item, form.identity)
+    path = _path_of(item, form, where)
+    weights = _first(item, form.weights)
+    if weights is None or not len(path):
+        log_weight = np.zeros(len(path))
+    else:
+        log_weight = np.array(weights, dtype=np.float64)
+        if not form.are_logarithms:
+            with np.errstate(divide="ignore"):
+                log_weight = np.log(np.maximum(log_weight, 0))
+    return ObjectForecast(
+        frame=frame,
+        where=where,
+        class_name=name,
+        box=(*item.translation[:2], z, 0.0, *size),
+        confidence=_first(item, form.scores),
+        path=path,
+        log_weight=log_weight,
+        identity="" if identity is None else str(identity),
     )
 
 
-def _numbers(values: Sequence[_Cell]) -> Floats:
-    """Return numbers, NaN for None."""
-    return np.array(values, dtype=np.float64)
-
-
-def _boxes(
-    items: Sequence[ForecastObject], class_name: Sequence[str], card: Card
-) -> Floats:
-    """Return boxes [R, 7] in the global frame; without a size it is the usual one."""
-    box = np.zeros((len(items), 7))
-    classes = card.task.classes
-    box[:, 4:] = usual_sizes(classes)[class_ids(class_name, classes)]
-    for row, item in enumerate(items):
-        box[row, : len(item.translation)] = item.translation
-        if item.size is not None:
-            width, length, height = item.size
-            box[row, 4:] = _numbers([length, width, height])
-    rotation = [item.rotation or (1.0, 0.0, 0.0, 0.0) for item in items]
-    box[:, 3] = yaw_of(np.array(rotation, dtype=np.float64).reshape(-1, 4))
-    return box
-
-
-def _samples_of(
-    item: ForecastObject, form: _Form, name_of: Callable[[int], str], row: int
-) -> Any:
-    """Return the samples of an object, [k][S][2], empty without a forecast."""
+def _path_of(item: ForecastObject, form: _Form, where: str) -> Floats:
+    """Return the samples [k, S, 2] of an object, none without a forecast."""
     path = _first(item, form.paths) or []
-    if form.frame != "steps" or not path:
-        return path
+    if form.frame == "steps":
+        steps = len(path) // (2 * _VAD_MODES)
+        if len(path) != steps * 2 * _VAD_MODES:
+            raise DataError(
+                f"{where}: {len(path)} numbers in fut_traj, expected x y of as many "
+                f"steps in each of {_VAD_MODES} samples"
+            )
+        samples = _VAD_MODES if path else 0
+        return np.array(path, np.float64).reshape(samples, steps, 2).cumsum(axis=1)
+    lengths = {len(sample) for sample in path}
+    if len(lengths) > 1:
+        raise DataError(f"{where}: an object has samples of {sorted(lengths)} places")
+    shape = (len(path), max(lengths, default=0), 2)
+    places = chain.from_iterable(chain.from_iterable(path))
     try:
-        return _numbers(path).reshape(_VAD_MODES, -1, 2).cumsum(axis=1)
-    except ValueError:
-        raise DataError(
-            f"{name_of(row)}: {len(path)} numbers in fut_traj, expected x y of as many "
-            f"steps in each of {_VAD_MODES} samples"
-        ) from None
+        return np.fromiter(places, np.float64, math.prod(shape)).reshape(shape)
+    except TypeError:  # null
+        return np.array(path, dtype=np.float64)
 
 
 def _in_scene(places: Floats, box: Floats, pose: LidarPose, form: _Form) -> Floats:
     """Return places [R, K, S, 2] of the objects of a sample in the global frame."""
-    if form.frame == "global":
-        return places
     if form.frame == "steps":  # offsets from the centre, along the axes of the lidar
         turned = places @ pose[0][:2, :2].T
         return np.asarray(turned + box[:, None, None, :2])
     height = np.broadcast_to(box[:, None, None, 2:3], (*places.shape[:3], 1))
     return to_global(np.concatenate([places, height], axis=-1), pose)[..., :2]
-
-
-def _log_weights(
-    items: Sequence[ForecastObject],
-    form: _Form,
-    places: Floats,
-    name_of: Callable[[int], str],
-) -> Floats:
-    """Return logarithms of weights [R, K], -inf for a sample that is not there."""
-    log_weight = np.full(places.shape[:2], -np.inf)
-    for row, item in enumerate(items):
-        path = _first(item, form.paths)
-        weights = getattr(item, form.weights) if form.weights and path else None
-        count = len(path or [0])
-        if form.frame == "steps" and path:
-            count = _VAD_MODES
-        if weights is None:
-            log_weight[row, :count] = 0.0
-            continue
-        if len(weights) != count:
-            raise DataError(
-                f"{name_of(row)}: {len(weights)} weights in {form.weights}, expected "
-                f"one for each of its {count} samples"
-            )
-        values = _numbers(weights)
-        if form.weight_kind == "probability":
-            with np.errstate(divide="ignore", invalid="ignore"):
-                values = np.log(values)
-        log_weight[row, :count] = values
-    return log_weight
 
 
 FORMS = {
