@@ -158,14 +158,13 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
 def shown_boxes(scene: Scene, observe: str) -> tuple[Detections, Ints | None]:
     """Return the boxes that an agent is shown, and their ids.
 
-    ``observe``: "detections" or "associated", "truth" for the true boxes, or "tracks"
-    for those of a foreign tracker. Of a run read from a "file" they are the detections.
-    Raises DataError for a scene without stored tracks.
+    ``observe``: "truth" for the true boxes, "tracks" for those of a foreign tracker,
+    else the detections. Raises DataError for a scene without stored tracks.
     """
-    if observe in ("detections", "associated", "file"):
-        return scene.detections, None
     if observe == "truth":
         return true_detections(scene)
+    if observe != "tracks":
+        return scene.detections, None
     if scene.tracks is None:
         raise DataError(
             f"scene {scene.name!r} has no stored tracks: "

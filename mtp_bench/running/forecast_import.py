@@ -154,18 +154,20 @@ class _Import:
         for t in range(scene.frames):
             rows = self._fitting(stored, (stored.frame == t) & (class_id >= 0))
             tracked = rows[stored.identity[rows] != ""]
-            action = make_action(
-                task,
-                stored.box[rows],
-                class_id[rows],
-                offset[rows],
-                log_weight[rows],
-                confidence=stored.confidence[rows],
-                tracks=Tracks.of_one_hypothesis(
-                    track_id[tracked], stored.box[tracked], class_id[tracked]
-                ),
-                checked=False,
-            )
+            # too large becomes inf, which fails a check
+            with np.errstate(over="ignore"):
+                action = make_action(
+                    task,
+                    stored.box[rows],
+                    class_id[rows],
+                    offset[rows],
+                    log_weight[rows],
+                    confidence=stored.confidence[rows],
+                    tracks=Tracks.of_one_hypothesis(
+                        track_id[tracked], stored.box[tracked], class_id[tracked]
+                    ),
+                    checked=False,
+                )
             recorded = record_action(check_action(action, task), task)
             self._numbers["tracks"] += len(recorded.track_id)
             self._numbers["objects"] += len(recorded.object_class)
@@ -225,13 +227,14 @@ class _Import:
         self._numbers["used"] += is_used.sum()
         if 0 in stored.path.shape:
             return
-        centre = stored.box[:, None, :2]
-        first_m = np.linalg.norm(stored.path[:, :, 0] - centre, axis=-1)[is_used]
-        last_m = np.linalg.norm(stored.path[:, :, -1] - centre, axis=-1)[is_used]
+        # of the first step and the last one; this norm has no overflow
+        ends = stored.path[is_used][:, :, [0, -1]] - stored.box[is_used, None, None, :2]
+        distance_m = np.hypot(ends[..., 0], ends[..., 1])
+        first_m = distance_m[..., 0]
         nearest_m = np.fmin.reduce(first_m, axis=1)
         self._numbers["forecast"] += np.isfinite(nearest_m).sum()
         self._numbers["lost"] += (nearest_m > LOST_M).sum()
-        moves = last_m > FAR_M
+        moves = distance_m[..., 1] > FAR_M
         self._numbers["moving samples"] += moves.sum()
         self._numbers["at the present"] += (first_m[moves] < PRESENT_M).sum()
 
