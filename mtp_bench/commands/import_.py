@@ -1,4 +1,4 @@
-"""``mtp-bench import``: recordings, tracks and forecasts of other programs."""
+"""``mtp-bench import``: recordings and forecasts of other programs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,69 +6,25 @@ from typing import Annotated
 from typer import Argument, BadParameter, Option, Typer
 
 from ..core import long_work
-from ..running import RunOptions, import_forecasts
-from ..sources import import_logs, import_tracks, open_source, with_tracks
+from ..running import import_forecasts
+from ..sources import import_logs
 from ..viz import command_line, counted, show, show_command, show_lines
 from .options import (
-    DataOption,
-    EnvOption,
     EnvScenes,
-    NoDoctorOption,
-    ScenesOption,
-    SplitOption,
     with_expanded_options,
 )
-from .output import prepare
 
 import_ = Typer(
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
-    help="Recordings, tracks and forecasts of other programs.",
+    help="Recordings and forecasts of other programs.",
 )
 # above which scenes are played by the environment of 10 Hz
 MAX_SLOW_RATE_HZ = 5
 OutputOption = Annotated[
     Path, Option("-o", "--output", help="New folder for the tables.")
 ]
-
-
-@import_.command()
-def tracks(
-    file: Annotated[
-        Path,
-        Argument(help="A tracking submission of nuScenes, or KITTI's result files."),
-    ],
-    env: EnvOption,
-    output: OutputOption,
-    root: DataOption = None,
-    scenes: ScenesOption = None,
-    split: SplitOption = None,
-    no_doctor: NoDoctorOption = False,
-) -> None:
-    """Write the tracks of another program as tables, one for each scene."""
-    options = RunOptions(root, scenes, split=split)
-    prepare(env, options, no_doctor=no_doctor)
-    card = options.card(env)
-    source = with_tracks(open_source(card, root), card, root, file)
-    scene_names = options.chosen(source.names)
-    with long_work("importing tracks") as progress:
-        progress.started(len(scene_names))
-        scene_count, box_count = import_tracks(
-            source, scene_names, card, output, progress.done
-        )
-    positions = counted(box_count, "tracked position")
-    show(f"{positions} of {counted(scene_count, 'scene')} in {output}; next:")
-    run_command = command_line(
-        "run",
-        "given_tracks",
-        env=env,
-        data=root,
-        scenes=scenes,
-        split=split,
-        tracks=output,
-    )
-    show_command(f"{run_command} -o runs/given_tracks")
 
 
 @import_.command()

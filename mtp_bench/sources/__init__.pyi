@@ -50,4 +50,4 @@ from .opening import (
 from .readers import write_table as write_table
 from .simulated import detected as detected, in_world as in_world
 from .stored_forecasts import forecast_forms as forecast_forms
-from .stored_tracks import import_tracks as import_tracks, table_path as table_path
+from .stored_tracks import table_path as table_path

@@ -7,7 +7,7 @@ are `sources.files.columns.TRACKS`. A slash in a scene's name is ``%2F`` in its 
 name.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,19 +23,16 @@ from ..core import (
     Scene,
     StoredTracks,
     file_stem,
-    new_folder,
     starts_of_sorted,
 )
 from .base import (
     DataRoot,
     ReadTracks,
-    SceneSource,
     SourcePackage,
     TrackForm,
     names_by_number,
 )
 from .files.columns import FORMS, TRACKS, check_ranges
-from .files.save import box_columns
 from .files.scene import (
     boxes_of,
     class_ids_of,
@@ -44,7 +41,7 @@ from .files.scene import (
     scores_of,
     velocities_of,
 )
-from .readers import read_named_table, write_table
+from .readers import read_named_table
 from .tables import RowTable
 
 # advice if only some scenes have tracks
@@ -110,42 +107,6 @@ def with_stored(
 def table_path(folder: Path, scene: str) -> Path:
     """Return the path of the table that is written for a scene."""
     return folder / f"{file_stem(scene)}.csv"
-
-
-def import_tracks(
-    source: SceneSource,
-    names: Sequence[str],
-    card: Card,
-    folder: Path,
-    report_done: Callable[[str], object] = lambda _: None,
-) -> tuple[int, int]:
-    """Write the stored tracks of the scenes ``names``, a table for each scene.
-
-    ``report_done`` gets the name of each written scene. Scenes without tracks are
-    skipped. Returns the numbers of scenes and of boxes. Raises DataError for wrong
-    tracks, and MtpBenchError if the folder is not empty; it then writes no file.
-    """
-    scene_count = 0
-    box_count = 0
-    classes = np.array(card.task.classes, dtype=np.str_)
-    with new_folder(folder.expanduser().absolute()) as part_folder:
-        for scene in map(source.load, names):
-            if scene.tracks is None:
-                continue
-            numbers = scene.tracks.object_id.tolist()
-            identity = [scene.track_names.get(i, str(i)) for i in numbers]
-            columns = box_columns(scene.tracks, classes)
-            table = {
-                "frame": columns.pop("frame"),
-                "id": np.array(identity, dtype=np.str_),
-                **columns,
-                "score": scene.tracks.score,
-            }
-            write_table(table_path(part_folder, scene.name), table)
-            scene_count += 1
-            box_count += len(numbers)
-            report_done(scene.name)
-    return scene_count, box_count
 
 
 def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:

@@ -291,7 +291,7 @@ def test_the_commands_of_make_exist(repository: Path) -> None:
 
 @pytest.mark.parametrize("words", [
     ("score", "a", "--data", "x", "--data", "y"),
-    ("import", "tracks", "a", "--env", "x", "--env", "y", "-o", "z"),
+    ("import", "forecasts", "a", "--env", "x", "--env", "y", "-o", "z"),
     ("compare", "stp", "--env", "x", "--full", "--full"),
 ])  # fmt: skip
 def test_an_option_that_is_given_twice_is_an_error(cli: CommandLine, words: tuple[str, ...]) -> None:

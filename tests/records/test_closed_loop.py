@@ -85,7 +85,7 @@ def test_where_an_agent_fails_the_ego_drives_on_without_forecasts(short: Any, tm
 COMMANDS = {
     "study": ("study --quick -o study", "there is no study: `mtp-bench compare`"),
     "compare": ("compare stp --tracks .", "takes no stored tracks: leave --tracks out"),
-    "tracks": ("import tracks . -o tables", "takes no stored tracks"),
+    "forecasts": ("import forecasts . --form table -o run", "has no stored forecasts"),
 }
 
 

@@ -13,7 +13,6 @@ from mtp_bench.core import Scene, StoredTracks
 from mtp_bench.core.errors import DataError
 from mtp_bench.running.track_export import write_tracks
 from mtp_bench.sources import open_source, with_tracks
-from mtp_bench.sources.stored_tracks import import_tracks
 from tests.support.nuscenes_root import SCENES, detection, nuscenes_card, sample, write_json, write_root
 
 
@@ -54,11 +53,8 @@ def test_ids_of_two_classes_are_two_identities_with_one_name(kitti: str, card: s
     rows = [line(0, 7, "Car"), line(0, 7, "Pedestrian"), line(1, 7, "Car"), line(1, 2, "Van"), line(1, -1, "DontCare")]
     one = load_card(card)
     (tmp_path / "in").mkdir()
-    source = with_tracks(open_source(one, kitti), one, kitti, kitti_folder(tmp_path / "in", rows))
-    import_tracks(source, source.names, one, tmp_path / "out")
-    for folder in ("in", "out"):
-        tracks, scene = tracked_scene(one, kitti, tmp_path / folder, "0001")
-        assert (tracks.object_id.tolist(), scene.track_names) == ([0, 1, 0], {0: "7", 1: "7"})
+    tracks, scene = tracked_scene(one, kitti, kitti_folder(tmp_path / "in", rows), "0001")
+    assert (tracks.object_id.tolist(), scene.track_names) == ([0, 1, 0], {0: "7", 1: "7"})
 
 
 def test_kitti_tracks_without_a_score_have_1_and_are_counted(kitti: str, card: str, tmp_path: Path) -> None:
