@@ -10,7 +10,13 @@ from typing import Any, Unpack
 
 from ..agent import Role, controls, submission_of
 from ..cards import Card
-from ..core import SERIAL, MtpBenchError, RolloutError, SubmissionError
+from ..core import (
+    SERIAL,
+    MtpBenchError,
+    RolloutError,
+    SubmissionError,
+    baseline_names,
+)
 from ..scoring import AgentScores, Reference, References, Report, preference
 from .evaluation import EnvEvaluation
 from .options import DEFAULTS, RunKeywords, RunOptions
@@ -88,7 +94,7 @@ def compare(
     with EnvEvaluation.opened("comparing", env_id, options, keywords) as evaluation:
         playing = [agent for agent in agents if not is_run(agent)]
         folders = [Path(str(agent)) for agent in agents if is_run(agent)]
-        return _compare(evaluation, playing, full, _stored(evaluation, folders))
+        return _compare(evaluation, playing, full, folders)
 
 
 def compare_files(
@@ -100,53 +106,57 @@ def compare_files(
     such a file have one row. Each row is tested against each other; there are no
     controls. Raises MtpBenchError as `compare`, and if an agent fails.
     """
-    first_options, *_ = choices.values()
-    has_tracks = first_options.tracks is not None
-    rows: list[AgentScores] = []
+    varies_tracks = len({options.tracks for options in choices.values()}) > 1
+    rows: dict[str, Any] = {}
     settings: list[Setting] = []
+    evaluations: list[EnvEvaluation] = []
     for name, options in choices.items():
         with EnvEvaluation.opened(f"comparing {name}", env_id, options, {}) as opened:
+            evaluations.append(opened)
             opened.card.require_same_scenes("in which agents read no file")
             for agent in agents:
                 setting = setting_of(submission_of(agent), opened.card)
-                observed = setting.observe == "tracks"
-                is_read = observed if has_tracks else setting.observe != "truth"
-                if not is_read and options is not first_options:
-                    continue
-                (scores,) = opened.scores([setting], caught=False)
-                assert isinstance(scores, AgentScores)
-                label = f"{scores.agent}:{name}" if is_read else scores.agent
-                rows.append(replace(scores, agent=label))
-                settings.append(replace(setting, label=label))
-            if options is first_options:
-                evaluation = opened
-    report, reference = evaluation.report(rows, settings, with_each_other=True)
-    skipped = total_skipped(scene.skipped for row in rows for scene in row.seeds[0])
+                reads_tracks = setting.observe == "tracks"
+                is_read = reads_tracks if varies_tracks else setting.observe != "truth"
+                label = f"{setting.label}:{name}" if is_read else setting.label
+                if label not in rows:
+                    setting = replace(setting, label=label)
+                    settings.append(setting)
+                    (rows[label],) = opened.scores([setting], caught=False)
+    scores = list(rows.values())
+    first = evaluations[0]  # whose event weights count for all
+    report, reference = first.report(scores, settings, with_each_other=True)
+    skipped = total_skipped(scene.skipped for row in scores for scene in row.seeds[0])
     return Comparison(report, reference, tuple(settings), skipped)
 
 
 def is_run(agent: object) -> bool:
-    """Return True for the folder of a stored run."""
-    return isinstance(agent, str | Path) and (Path(agent) / RUN_FILE).is_file()
+    """Return True for the folder of a stored run, and no name of a baseline."""
+    if not isinstance(agent, str | Path) or str(agent) in baseline_names():
+        return False
+    return (Path(agent) / RUN_FILE).is_file()
 
 
-def _stored(evaluation: EnvEvaluation, folders: Sequence[Path]) -> list[AgentScores]:
+def _stored(
+    evaluation: EnvEvaluation, folders: Sequence[Path], taken: Sequence[str]
+) -> list[AgentScores]:
     """Return the scores of stored runs on the scenes of a comparison.
 
-    Raises RolloutError for a run of another card, or without one of the scenes.
+    ``taken``: names of its agents. Raises RolloutError for a run of another card, or
+    without one of the scenes.
     """
-    if not folders:
-        return []
     rows = []
-    for opened in open_runs(folders, evaluation.options.data):
+    for folder in folders:
+        (opened,) = open_runs([folder], evaluation.options.data, taken=taken)
         if opened.card.task != evaluation.card.task:
             raise RolloutError(
-                f"{opened.folder}: made for {opened.card.id}, whose task is not that "
-                f"of {evaluation.card.id}"
+                f"{folder}: made for {opened.card.id}, whose task is not that of "
+                f"{evaluation.card.id}"
             )
         rollouts = tuple(opened.first(scene) for scene in evaluation.scenes)
         chosen = replace(opened, run=replace(opened.run, rollouts=rollouts))
         rows.append(run_scores(chosen, evaluation.options.unchanged))
+        taken = [*taken, rows[-1].agent]
     return rows
 
 
@@ -154,7 +164,7 @@ def _compare(
     evaluation: EnvEvaluation,
     agents: Sequence[object],
     full: bool,
-    stored: Sequence[AgentScores],
+    folders: Sequence[Path],
 ) -> Comparison:
     card = evaluation.card
     card.require_same_scenes("in which agents do not meet the same scenes")
@@ -169,6 +179,7 @@ def _compare(
     control_asked_for = any(agent in control_names() for agent in agents)
     scores, failures = _scores(evaluation, runs, control_asked_for)
 
+    stored = _stored(evaluation, folders, [setting.label for setting in settings])
     finished = _without(failures, settings)
     report, reference = evaluation.report(
         [*(scores[setting.key] for setting in finished), *stored],

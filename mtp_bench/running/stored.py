@@ -229,7 +229,7 @@ def score(
     """Score runs that `run` or an import stored, each in a folder of ``folders``.
 
     Several runs stand in one table, each tested against each other. An agent that
-    occurs twice has the name of its folder. ``data``: data root. ``options``: data and
+    occurs twice has the path of its folder as name. ``data``: data root. ``options``: data and
     workers; everything else is stored with the runs. ``env_id``: id, path or card, if
     it is not the card stored with a run. ``samples``: only so many of the heaviest
     samples of each object count, since fewer samples have larger errors. Raises
@@ -294,8 +294,12 @@ def open_runs(
     data: str | None = None,
     env: str | Card | None = None,
     samples: int | None = None,
+    taken: Sequence[str] = (),
 ) -> list[OpenedRun]:
-    """Open runs of one task for one table, see `score`."""
+    """Open runs of one task for one table, see `score`.
+
+    ``taken``: names of other agents in the table.
+    """
     if not folders:
         raise RolloutError("no run, expected the folder of at least one")
     runs = [open_run(Path(folder), data, env) for folder in folders]
@@ -306,24 +310,15 @@ def open_runs(
                 f"{opened.folder}: made for {opened.card.id} with another task than "
                 f"{first.folder} of {first.card.id}; score each alone"
             )
-    names = _names_of(runs)
-    return [_relabelled(*each, samples) for each in zip(runs, names, strict=True)]
-
-
-def _names_of(runs: Sequence[OpenedRun]) -> list[str]:
-    """Return for each run the first that is its own: agent, folder's name, or path."""
-    kinds = (
-        [opened.run.info.agent for opened in runs],
-        [opened.folder.resolve().name for opened in runs],
-        [str(opened.folder) for opened in runs],
-    )
-    names = []
-    for candidates in zip(*kinds, strict=True):
-        pairs = zip(candidates, kinds, strict=True)
-        own = (name for name, others in pairs if others.count(name) == 1)
-        # a name ends at its first space, where parameters would begin
-        names.append(next(own, candidates[0]).replace(" ", "_"))
-    return names
+    agents = [*taken, *(opened.run.info.agent for opened in runs)]
+    named_runs = []
+    for opened in runs:
+        name = opened.run.info.agent
+        if agents.count(name) > 1:
+            # a name ends at its first space, where parameters would begin
+            name = str(opened.folder).replace(" ", "_")
+        named_runs.append(_relabelled(opened, name, samples))
+    return named_runs
 
 
 def _relabelled(opened: OpenedRun, agent: str, samples: int | None) -> OpenedRun:

@@ -73,8 +73,8 @@ def test_a_page_shows_table_causes_moments_and_pictures(cli: CommandLine, files:
     assert output.status == 0, output.err
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     for text in (
-        "<h2>good</h2>",
-        "<h2>ghosts</h2>",
+        f"<h2>{tmp_path / 'good'}</h2>",
+        f"<h2>{tmp_path / 'ghosts'}</h2>",
         "Differences of agents",
         "All targets of 6 scenes",
         "<th",
@@ -82,7 +82,7 @@ def test_a_page_shows_table_causes_moments_and_pictures(cli: CommandLine, files:
     ):
         assert text in page
     assert page.count("data:image/png;base64,") == 4
-    assert "good has the lowest bADE" in page
+    assert f"{tmp_path / 'good'} has the lowest bADE" in page
     assert "http" not in page.replace("http-equiv", "")
 
 

@@ -34,11 +34,12 @@ def test_each_pair_of_runs_is_tested_once(folders: Folders) -> None:
     assert everything.error < 0
 
 
-def test_one_agent_twice_has_the_names_of_its_folders(folders: Folders, tmp_path: Path) -> None:
+def test_one_agent_twice_has_the_paths_of_its_folders(folders: Folders, tmp_path: Path) -> None:
     stored = load_run(folders[0])
     save_run(tmp_path / "again", stored.info, stored.rollouts)
     report = score([folders[0], tmp_path / "again"]).report
-    assert [row.agent for row in report.rows if row.subset == "all"] == ["stp", "again"]
+    names = [row.agent for row in report.rows if row.subset == "all"]
+    assert names == [str(folders[0]), str(tmp_path / "again")]
     assert {row.error for row in report.paired if row.subset == "all"} == {0.0}
 
 
