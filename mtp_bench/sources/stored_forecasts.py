@@ -6,14 +6,13 @@ and sample, with the columns of `FORECASTS` and x1 y1 x2 y2 .. for the steps.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..cards import Card
 from ..core import DataError, Floats, Ints, Scene, file_stem
@@ -92,69 +91,61 @@ def read_forecast_table(
         "frame",
     )
     refuse_misspelt(table, classes)
-    first_row, object_of_row, sample = _objects(table, frame)
-    weight = table["weight"] if "weight" in table else np.ones(len(table))
-    table.refuse(~(weight > 0), "expected a probability above 0", "weight")
-    places = table.matrix(" ".join(_step_columns(table)))
-    path = places.reshape(len(table), places.shape[1] // 2, 2)
-    shape = (len(first_row), int(sample.max(initial=-1)) + 1)
-    require_room((*shape, path.shape[1]), table.source)
-    paths = np.full((*shape, *path.shape[1:]), np.nan)
-    paths[object_of_row, sample] = path
-    log_weight = np.full(shape, -np.inf)
-    log_weight[object_of_row, sample] = np.log(weight)
-    objects = table.select(first_row)
-    identity = np.full(len(objects), "")
-    if "id" in objects:
-        identity = objects["id"]
+    weight = np.ones(len(table))
+    if "weight" in table:
+        weight = table["weight"]
+        table.refuse(weight <= 0, "expected a probability above 0", "weight")
+    path = table.matrix(" ".join(_step_columns(table)))
+    path = path.reshape(len(table), path.shape[1] // 2, 2)
+    identity = table["id"] if "id" in table else np.full(len(table), "")
+    box = _boxes(table, classes)
+    objects = [
+        ObjectForecast(
+            frame=frame[rows[0]],
+            where=table.where(rows[0]),
+            class_name=table["class"][rows[0]],
+            box=box[rows[0]],
+            confidence=table["confidence"][rows[0]],
+            path=path[rows],
+            log_weight=np.log(weight[rows]),
+            identity=identity[rows[0]],
+        )
+        for rows in _objects(table, frame)
+    ]
     left_out = " ".join(name for name in _OPTIONAL if name not in table)
-    return StoredForecasts(
-        frame=frame[first_row],
-        class_name=objects["class"],
-        box=_boxes(objects, classes),
-        confidence=objects["confidence"],
-        path=paths,
-        log_weight=log_weight,
-        identity=identity,
-        notes={f"objects without {left_out}, taken as usual": len(objects)}
-        if left_out
-        else {},
-    )
+    notes = {}
+    if left_out:
+        notes[f"objects without {left_out}, taken as usual"] = len(objects)
+    return stack_forecasts(objects, notes, 0)
 
 
-def _objects(table: RowTable, frame: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return the first row [R] of each object, and object and sample of each row."""
+def _objects(table: RowTable, frame: Ints) -> Iterator[Ints]:
+    """Return the rows [k] of each object, in the order of its samples."""
+    mode: Ints = np.arange(len(table))
+    number = mode
     if "object" in table:
-        number: NDArray[Any] = table.whole_numbers("object")
+        number = table.whole_numbers("object")
     elif "id" in table:
-        number = table["id"]
-    else:
-        number = np.arange(len(table))
-    _, number = np.unique(number, return_inverse=True)
-    key = np.stack([frame, number.reshape(-1)])
-    _, first_row, group = np.unique(key, axis=1, return_index=True, return_inverse=True)
-    object_of_row = group.reshape(-1)
-    for name in _OF_OBJECT:
-        if name in table:
-            values = table[name]
-            table.refuse(
-                values != values[first_row][object_of_row],
-                f"another {name} than in the first row of its object",
-                name,
-            )
-    order = np.argsort(object_of_row, kind="stable")
+        number = np.unique(table["id"], return_inverse=True)[1].reshape(-1)
     if "mode" in table:
         mode = table.whole_numbers("mode")
         table.refuse(
-            repeated(object_of_row, mode),
+            repeated(frame, number, mode),
             lambda row: f"a second row of sample {mode[row]} of its object",
             "mode",
         )
-        order = np.lexsort([mode, object_of_row])
-    sample = np.zeros(len(table), dtype=np.int64)
-    starts = np.searchsorted(object_of_row[order], object_of_row[order])
-    sample[order] = np.arange(len(table)) - starts
-    return first_row, object_of_row, sample
+    order = np.lexsort([mode, number, frame])
+    is_next = np.diff([frame[order], number[order]], axis=1).any(axis=0)
+    objects = np.split(order, np.flatnonzero(is_next) + 1)
+    first_row = np.concatenate([np.full(len(rows), rows[:1]) for rows in objects])
+    for name in _OF_OBJECT:
+        if name in table:
+            values = table[name][order]
+            is_other = np.zeros(len(order), dtype=bool)
+            is_other[order] = values != table[name][first_row]
+            problem = f"another {name} than in the first row of its object"
+            table.refuse(is_other, problem, name)
+    return filter(len, objects)
 
 
 def _step_columns(table: RowTable) -> list[str]:

@@ -241,7 +241,7 @@ def test_too_many_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         read_form("mfeval", tmp_path, mfeval())
     (tmp_path / "t.csv").write_text(table("scene-0003,0,car,1,1,0.5," + ",".join(["1,2"] * 12), steps=12))
     monkeypatch.setattr(stored_forecasts, "MAX_PLACES", 11)
-    with pytest.raises(DataError, match=r"t\.csv: 1 objects of a scene with up to 1 samples of 12 steps"):
+    with pytest.raises(DataError, match=r"t\.csv, line 2: 1 objects of a scene with up to 1 samples of 12 steps"):
         read("table", tmp_path / "data", tmp_path / "t.csv")
 
 

@@ -41,6 +41,7 @@ from .tables import (
     find,
     floats,
     read_channels,
+    read_poses,
     read_records,
     rotations,
     to_sensors,
@@ -262,10 +263,12 @@ def _projections(
 ) -> Floats:
     """Return projections [n, 3, 4] from the global frame to pixels of each image."""
     sources = tables.cache.sources
+    path = sources["calibrated_sensor"]
+    poses = [image.ego_pose_token for image in images]
+    place, rotation = read_poses(sources["ego_pose"], sources["sample_data"], poses)
     intrinsic = floats([mount.camera_intrinsic for mount in mounts], 9)
     intrinsic = intrinsic.reshape(-1, 3, 3)
     require_focal_lengths(
-        intrinsic,
-        lambda row: f"{sources['calibrated_sensor']}, record {mounts[row].token!r}",
+        intrinsic, lambda row: f"{path}, record {mounts[row].token!r}"
     )
-    return np.asarray(intrinsic @ to_sensors(sources, images, mounts))
+    return np.asarray(intrinsic @ to_sensors(place, rotation, mounts, path))

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ...core import (
     CACHE_VARIABLE,
     DataError,
+    Floats,
     Ints,
     cache_root,
     long_work,
@@ -28,7 +29,7 @@ from .layout import PREDICTION, table_paths
 from .objects import TrueBoxes, read_annotations
 from .tables import Keyframes, read_keyframes
 
-FORMAT = 3  # of the arrays in the cache: a change gets a new number
+FORMAT = 4  # of the arrays in the cache: a change gets a new number
 # speed at which a busy machine reads and checks tables and detections
 _BYTES_PER_SECOND = 2.3e7
 # no scene has a dot in its name
@@ -158,7 +159,12 @@ class TableStore:
         """Tokens [N] of all samples."""
         return self.cache.read(SAMPLES)["token"]
 
-    @property
+    @cached_property
+    def to_lidar(self) -> Floats:
+        """Transforms [N, 3, 4] from the global frame to the lidar at each sample."""
+        return self.cache.read(SAMPLES)["to_lidar"]
+
+    @cached_property
     def row_of_token(self) -> dict[str, int]:
         """Row of each sample by its token."""
         return {token.decode(): row for row, token in enumerate(self.tokens.tolist())}
@@ -187,7 +193,8 @@ def _fill_tables(sources: Mapping[str, Path], folder: Path) -> None:
         write_arrays(folder / f"{name}.npz", arrays)
         targets.append(int(arrays["listed"].sum()))
     tokens = np.array([token.encode() for token in keyframes.token], dtype=np.bytes_)
-    write_arrays(folder / f"{SAMPLES}.npz", {"token": tokens})
+    samples = {"token": tokens, "to_lidar": keyframes.to_lidar}
+    write_arrays(folder / f"{SAMPLES}.npz", samples)
     index_arrays: Arrays = {
         "scene": np.array(keyframes.scene, dtype=np.str_),
         "start": keyframes.start,

@@ -171,6 +171,7 @@ class Keyframes:
     row: dict[str, int]  # row of each token
     time: Floats  # [N] microseconds
     ego: Floats  # [N, 4] x y z yaw, global frame
+    to_lidar: Floats  # [N, 3, 4] transforms from the global frame
 
 
 def read_keyframes(paths: Mapping[str, Path]) -> Keyframes:
@@ -180,11 +181,16 @@ def read_keyframes(paths: Mapping[str, Path]) -> Keyframes:
     """
     names, start, tokens, time = _read_samples(paths)
     row_of_token = {token: row for row, token in enumerate(tokens)}
-    lidar_records = read_lidar_records(paths, row_of_token)
+    lidar_records = _read_lidar_records(paths, row_of_token)
     poses = [record.ego_pose_token for record in lidar_records]
     place, rotation = read_poses(paths["ego_pose"], paths["sample_data"], poses)
     ego = np.column_stack([place, yaw_of(rotation)])
-    return Keyframes(names, start, tokens, row_of_token, time, ego)
+    path = paths["calibrated_sensor"]
+    all_mounts = by_token(path, MountRecord)
+    # channels were looked up with these tokens
+    mounts = [all_mounts[record.calibrated_sensor_token] for record in lidar_records]
+    to_lidar = to_sensors(place, rotation, mounts, path)
+    return Keyframes(names, start, tokens, row_of_token, time, ego, to_lidar)
 
 
 def _read_samples(
@@ -252,7 +258,7 @@ def read_channels(paths: Mapping[str, Path]) -> dict[str, str]:
     return channels
 
 
-def read_lidar_records(
+def _read_lidar_records(
     paths: Mapping[str, Path], row_of_token: Mapping[str, int]
 ) -> list[DataRecord]:
     """Read the LIDAR_TOP keyframe [N] of each sample."""
@@ -297,20 +303,16 @@ def read_poses(
 
 
 def to_sensors(
-    paths: Mapping[str, Path],
-    records: Sequence[DataRecord],
-    mounts: Sequence[MountRecord],
+    place: Floats, rotation: Floats, mounts: Sequence[MountRecord], path: Path
 ) -> Floats:
     """Return transforms [n, 3, 4] from the global frame to that of each sensor.
 
-    ``records`` [n] of data with the ``mounts`` [n] of their sensors.
+    ``place`` [n, 3] and quaternions ``rotation`` [n, 4] of the ego; ``mounts`` [n] of
+    the sensors, in the table ``path``. Raises DataError for a wrong rotation.
     """
-    poses = [record.ego_pose_token for record in records]
-    place, rotation = read_poses(paths["ego_pose"], paths["sample_data"], poses)
-    mount_rotation = floats([mount.rotation for mount in mounts], 4)
     mount_place = floats([mount.translation for mount in mounts], 3)
     to_ego = _matrices(rotation).swapaxes(1, 2)
-    to_mount = _matrices(mount_rotation).swapaxes(1, 2)
+    to_mount = _matrices(rotations(mounts, path)).swapaxes(1, 2)
     # a place p is at to_mount (to_ego p - shift) in the sensor
     shift = np.einsum("nij,nj->ni", to_ego, place) + mount_place
     pose = np.concatenate([to_ego, -shift[..., None]], axis=2)
