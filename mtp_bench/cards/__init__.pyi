@@ -21,10 +21,8 @@ from .changes import (
     with_split as with_split,
 )
 from .own import (
-    TEXT_PATTERNS as TEXT_PATTERNS,
-    cached_digest as cached_digest,
-    folder_digest as folder_digest,
     own_digest as own_digest,
+    path_digest as path_digest,
     split_folder as split_folder,
 )
 from .source import (

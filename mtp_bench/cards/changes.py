@@ -26,10 +26,8 @@ from ..core import (
 from ..detector import load_profile, profile_for, profile_names
 from .card import Card, DetectorSection, check_consistency, check_detector
 from .own import (
-    TEXT_PATTERNS,
-    cached_digest,
-    folder_digest,
     own_digest,
+    path_digest,
     plain_name,
     resolve_folder,
     scenes_digest,
@@ -257,9 +255,7 @@ def with_detections(card: Card, file: str | Path) -> Card:
         )
     path = Path(file).expanduser().absolute()
     try:
-        digest = (
-            folder_digest(path, TEXT_PATTERNS) if path.is_dir() else cached_digest(path)
-        )
+        digest = path_digest(path)
     except OSError as error:
         raise DataError(
             f"detections {path}: {error.strerror}; expected {traits.detection_file}"

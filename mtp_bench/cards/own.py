@@ -17,7 +17,8 @@ FORMS = ("csv", "parquet")
 _TABLES = ("truth", "detections", "ego", "annotated", "neutral_areas")
 SCENES = tuple(f"*/{table}.{form}" for table in _TABLES for form in FORMS)
 ROADS = tuple(f"*/lanes.{form}" for form in FORMS)
-TEXT_PATTERNS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections
+# files of a folder that hold detections or forecasts
+_PATTERNS = ("*.txt", "*/*.txt", *(f"*.{form}" for form in FORMS))
 
 
 def resolve_folder(section: FilesSource, base: Path, lanes: bool) -> FilesSource:
@@ -79,6 +80,14 @@ def plain_name(name: str) -> str:
     Hyphens replace characters that are not allowed there.
     """
     return re.sub(r"[^A-Za-z0-9_.-]", "-", name).lstrip("_.-") or "own"
+
+
+def path_digest(path: Path) -> str:
+    """Return the hex sha256 of a file, or over the texts and tables of a folder.
+
+    Raises OSError or DataError as `cached_digest` and `folder_digest`.
+    """
+    return folder_digest(path, _PATTERNS) if path.is_dir() else cached_digest(path)
 
 
 def cached_digest(path: Path) -> str:

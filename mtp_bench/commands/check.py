@@ -18,7 +18,7 @@ from .options import (
     NoDoctorOption,
     SubmissionArgument,
     TracksOption,
-    absolute,
+    only_path,
 )
 from .output import prepare, write_json
 
@@ -61,7 +61,9 @@ def check(
     The exit status is 1 if there are errors.
     """
     workers = Workers(cores())
-    options = RunOptions(root, scenes, tracks=absolute(tracks), workers=workers)
+    options = RunOptions(
+        root, scenes, tracks=only_path(tracks, "--tracks"), workers=workers
+    )
     submission = load_submission(path)
     options.require_usable([submission])
     prepare(env, options, no_doctor=no_doctor)

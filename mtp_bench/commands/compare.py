@@ -1,10 +1,9 @@
 """``mtp-bench compare``."""
 
-import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, BadParameter, Exit, Option
 
@@ -28,47 +27,6 @@ from .options import (
 from .output import STANDARD_OUTPUT, prepare, say, write_json, write_table
 from .shown import Shown, show_differences, show_report
 
-DetectionFiles = Annotated[
-    list[Path] | None,
-    Option(help="Stored detections, as of `run`; several have a row each."),
-]
-TrackFiles = Annotated[
-    list[Path] | None,
-    Option(help="Stored tracks, as of `run`; several have a row each."),
-]
-
-
-@dataclass(frozen=True)
-class ComparedScenes(AgentScenes):
-    """Scenes of a comparison, with several files of tracks or of detections."""
-
-    detections: DetectionFiles = None  # type: ignore[assignment]
-    tracks: TrackFiles = None  # type: ignore[assignment]
-
-    def choices(
-        self, workers: WorkerChoice, seeds: Sequence[int]
-    ) -> dict[str, RunOptions]:
-        """Return the options with each file, by its name.
-
-        Raises BadParameter for several tracks and several detections at once.
-        """
-        tracks = self.tracks or [Path()]
-        detections = self.detections or [Path()]
-        varied = tracks if len(tracks) > 1 else detections
-        if len(tracks) * len(detections) > len({path.name for path in varied}):
-            raise BadParameter(
-                "expected several files, of different names, of one kind alone",
-                param_hint="--tracks, --detections",
-            )
-        choices = {}
-        for track_file, detection_file in itertools.product(tracks, detections):
-            values = {field.name: getattr(self, field.name) for field in fields(self)}
-            values["tracks"] = track_file if self.tracks else None
-            values["detections"] = detection_file if self.detections else None
-            name = (track_file if len(tracks) > 1 else detection_file).name
-            choices[name] = AgentScenes(**values).options(workers, seeds)
-        return choices
-
 
 def compare(
     agents: Annotated[
@@ -77,7 +35,7 @@ def compare(
             help="Names of baselines, folders of submissions or of stored runs.",
         ),
     ],
-    on: ComparedScenes,
+    on: AgentScenes,
     workers: WorkerChoice,
     shown: Shown,
     seeds: SeedsOption = SEEDS,
@@ -91,7 +49,7 @@ def compare(
 
     Prints one table and the verdict.
     """
-    choices = on.choices(workers, range(seeds))
+    choices = _choices(on, workers, range(seeds))
     options = next(iter(choices.values()))
     env = on.card
     playing = [agent for agent in agents if not is_run(agent)]
@@ -117,6 +75,29 @@ def compare(
         show_differences(result.report, shown)
     if result.report.failures:
         raise Exit(1)
+
+
+def _choices(
+    on: AgentScenes, workers: WorkerChoice, seeds: Sequence[int]
+) -> dict[str, RunOptions]:
+    """Return the options with each of several files, by the name of the file.
+
+    Raises BadParameter for two files of one name, and for several of both kinds.
+    """
+    paths = on.tracks or []
+    varied = "tracks"
+    if len(paths) < 2:
+        paths = on.detections or []
+        varied = "detections"
+    if len(paths) < 2:
+        return {"": on.options(workers, seeds)}
+    choices = {}
+    for path in paths:
+        changes: dict[str, Any] = {varied: [path]}
+        choices[path.name] = replace(on, **changes).options(workers, seeds)
+    if len(choices) < len(paths):
+        raise BadParameter("expected different names", param_hint=f"--{varied}")
+    return choices
 
 
 def _compare_driving(

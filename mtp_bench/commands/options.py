@@ -110,12 +110,12 @@ TextOption = Annotated[
 ]
 FolderArgument = Annotated[Path, Argument(help="Folder written by `mtp-bench run`.")]
 TracksOption = Annotated[
-    Path | None,
+    list[Path] | None,
     Option(
         "--tracks",
         help="Stored tracks, for agents that observe them: a tracking submission of "
         "nuScenes (.json) or Argoverse 2 (.feather), or a folder of KITTI results "
-        "(.txt) or tables (.csv, .parquet), one per scene.",
+        "(.txt) or tables (.csv, .parquet), one per scene. `compare` takes several.",
     ),
 ]
 RunCardOption = Annotated[
@@ -187,10 +187,10 @@ class EnvScenes:
         ),
     ] = None
     detections: Annotated[
-        Path | None,
+        list[Path] | None,
         Option(
             help="Stored detections: a file as submitted to nuScenes or Argoverse 2; "
-            "for KITTI a folder of text files."
+            "for KITTI a folder of text files. `compare` takes several."
         ),
     ] = None
     files: Annotated[
@@ -212,7 +212,7 @@ class EnvScenes:
             fold,
             split=self.split,
             detector=self.detector,
-            detections=absolute(self.detections),
+            detections=only_path(self.detections, "--detections"),
             files=absolute(self.files),
             workers=(workers or WorkerChoice()).workers(),
         )
@@ -257,7 +257,8 @@ class AgentScenes(EnvScenes):
     ) -> RunOptions:
         """Return these scenes, with stored tracks and presence model, as options."""
         options = super().options(workers, seeds)
-        return replace(options, tracks=absolute(self.tracks), presence=self.presence)
+        tracks = only_path(self.tracks, "--tracks")
+        return replace(options, tracks=tracks, presence=self.presence)
 
 
 def with_expanded_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -299,3 +300,13 @@ def _parameters(function: Callable[..., Any]) -> list[inspect.Parameter]:
 def absolute(path: Path | None) -> str | None:
     """Return an absolute path, valid from any working folder."""
     return None if path is None else str(path.expanduser().absolute())
+
+
+def only_path(paths: Sequence[Path] | None, option: str) -> str | None:
+    """Return the only path, absolute.
+
+    None without one. Raises BadParameter for several.
+    """
+    if paths is not None and len(paths) > 1:
+        raise BadParameter("got several, expected one", param_hint=option)
+    return absolute(paths[0]) if paths else None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..agent import Tracks, check_action, make_action
-from ..cards import Card, folder_digest, with_classes
+from ..cards import Card, path_digest, with_classes
 from ..core import (
     Bools,
     DataError,
@@ -19,9 +19,9 @@ from ..core import (
     Scene,
     Task,
     counted,
-    file_digest,
     long_work,
     require_known,
+    to_metres,
 )
 from ..env import MTPEnv, assemble, record_action
 from ..scoring import DEFINITIONS
@@ -94,19 +94,39 @@ def import_forecasts(
             scene = source.load(name)
             rollouts.append(reader.rollout(scene, read(scene)))
             progress.done(name)
-        reader.require_plausible(constant_confidence)
-        if reader.samples < env.task.samples:
+        reader.require_plausible(rollouts, constant_confidence)
+        samples = min(max(reader.samples, 1), env.task.samples)
+        if samples < env.task.samples:
             # without the room for samples that no object has
-            rollouts = [heaviest_samples(each, reader.samples) for each in rollouts]
+            rollouts = [heaviest_samples(rollout, samples) for rollout in rollouts]
+        confidence = np.concatenate([each.object_confidence for each in rollouts])
+        parameters = {
+            "form": form,
+            "sha256": path_digest(path),
+            "rate": steps_hz,
+            "modes": reader.samples,
+            "seconds": reader.steps / steps_hz,
+            "least_confidence": round(float(confidence.min()), 6),
+            OWN_DETECTIONS: own_detections,
+        }
         if folder is not None:
-            parameters = reader.parameters(form, own_detections)
-            info = _info(card, path, reader.samples, parameters, options)
+            info = RunInfo(
+                env_id=card.id,
+                card_digest=card.digest,
+                observe="file",
+                samples=samples,
+                split=card.source.split,
+                keywords=options.changes,
+                agent=path.name.partition(".")[0].replace(" ", "_") or "file",
+                parameters=parameters,
+                submission_digest="",
+                seed=0,
+                definitions=DEFINITIONS,
+                versions=library_versions(),
+                card=card.stored(),
+            )
             save_run(folder, info, rollouts)
-    return [
-        *reader.lines(form),
-        *reader.class_lines(),
-        *reader.notes(own_detections),
-    ]
+    return [*reader.lines(rollouts, parameters), *reader.notes(own_detections)]
 
 
 class _Import:
@@ -123,32 +143,23 @@ class _Import:
                 f"{path}: its steps are at {rate:g} Hz, those of {card.id} at "
                 f"{card.task.rate:g} Hz: expected a multiple; --rate states another one"
             )
-        self._numbers = Counter[str]()  # what is said, and what decides if it is sound
         self._rows = Counter[str]()  # rows of the file by what happened to them
-        self._objects_of = Counter[str]()  # by class
-        self._confidence = (math.inf, -math.inf)  # least and most
-        self._steps = 0
-        self._most_samples = 0
+        self._classes = Counter[str]()
+        self.samples = 0  # most of an object
+        self.steps = 0
         self._others = 0
-
-    @property
-    def samples(self) -> int:
-        """Samples per object that the run has."""
-        return min(max(self._most_samples, 1), self._task.samples)
 
     def rollout(self, scene: Scene, stored: StoredForecasts) -> Rollout:
         """Return the actions of a scene, with room for all samples of the task."""
         task = self._task
-        self._numbers["scenes"] += 1
-        self._numbers["frames"] += scene.frames
         self._others = stored.others
         self._rows.update(stored.notes)
-        self._objects_of.update(stored.class_name.tolist())
-        self._most_samples = max(self._most_samples, stored.path.shape[1])
-        self._steps = max(self._steps, stored.path.shape[2])
+        self._classes.update(stored.class_name.tolist())
+        self.samples = max(self.samples, stored.path.shape[1])
+        self.steps = max(self.steps, stored.path.shape[2])
+        self._rows["objects without a confidence"] += np.isnan(stored.confidence).sum()
         class_id = class_ids(stored.class_name.tolist(), task.classes)
         offset, log_weight = self._forecasts(stored)
-        self._count_faults(stored, class_id >= 0)
         _, track_id = np.unique(stored.identity, return_inverse=True)
         actions = []
         for t in range(scene.frames):
@@ -169,8 +180,6 @@ class _Import:
                     checked=False,
                 )
             recorded = record_action(check_action(action, task), task)
-            self._numbers["tracks"] += len(recorded.track_id)
-            self._numbers["objects"] += len(recorded.object_class)
             self._rows["rejected rows"] += int(recorded.invalid.sum())
             actions.append(recorded)
         return assemble(scene.name, actions, np.zeros(scene.frames, dtype=np.int64))
@@ -216,87 +225,61 @@ class _Import:
         log_weight[is_standing, 0] = 0
         return offset, log_weight
 
-    def _count_faults(self, stored: StoredForecasts, is_used: Bools) -> None:
-        """Count objects and samples that look as if the file is read in a wrong way."""
-        confidence = stored.confidence[is_used & np.isfinite(stored.confidence)]
-        least, most = self._confidence
-        self._confidence = (
-            confidence.min(initial=least),
-            confidence.max(initial=most),
-        )
-        self._numbers["used"] += is_used.sum()
-        if 0 in stored.path.shape:
-            return
-        # of the first step and the last one; this norm has no overflow
-        ends = stored.path[is_used][:, :, [0, -1]] - stored.box[is_used, None, None, :2]
-        distance_m = np.hypot(ends[..., 0], ends[..., 1])
-        first_m = distance_m[..., 0]
-        nearest_m = np.fmin.reduce(first_m, axis=1)
-        self._numbers["forecast"] += np.isfinite(nearest_m).sum()
-        self._numbers["lost"] += (nearest_m > LOST_M).sum()
-        moves = distance_m[..., 1] > FAR_M
-        self._numbers["moving samples"] += moves.sum()
-        self._numbers["at the present"] += (first_m[moves] < PRESENT_M).sum()
-
-    def require_plausible(self, constant_confidence: bool) -> None:
+    def require_plausible(
+        self, rollouts: Sequence[Rollout], constant_confidence: bool
+    ) -> None:
         """Raise DataError for a file that is read in a wrong way, or has no order."""
-        count = self._numbers
-        if not count["used"]:
+        if not any(self._classes[name] for name in self._task.classes):
             raise DataError(
                 f"{self._path}: no object of {', '.join(self._task.classes)} in the "
-                f"{counted(count['scenes'], 'scene')} that are scored"
+                f"{counted(len(rollouts), 'scene')} that are scored"
             )
-        if count["lost"] > _MAX_SHARE * count["forecast"]:
+        if self._rows["objects without a confidence"] == self._classes.total():
+            raise DataError(f"{self._path}: no object has a confidence, expected each")
+        ends = np.concatenate([each.forecast[:, :, [0, -1]] for each in rollouts])
+        is_present = np.concatenate([each.forecast_log_weight for each in rollouts])
+        end_m = np.hypot(*np.moveaxis(to_metres(ends), -1, 0))  # [S, K, 2]
+        end_m[np.isneginf(is_present)] = np.inf
+        first_m = end_m[..., 0]
+        is_lost = first_m.min(axis=1, initial=np.inf) > LOST_M
+        # coordinates in another frame are farther than forecasts may reach
+        rejected = self._rows["rejected rows"]
+        wrong = int(is_lost.sum()) + rejected
+        if wrong > _MAX_SHARE * (len(is_lost) + rejected):
             raise DataError(
-                f"{self._path}: after one step {count['lost'] / count['forecast']:.0%} "
-                f"of the objects are forecast more than {LOST_M:g} m from their boxes: "
-                "the places are likely in another frame of reference (of the lidar or "
-                "the ego), or of another --form"
+                f"{self._path}: {wrong} of {len(is_lost) + rejected} rows are wrong, "
+                f"most of them forecast more than {LOST_M:g} m away after one step: the "
+                "places are likely in another frame of reference (of the lidar or the "
+                "ego), or of another --form"
             )
-        if count["at the present"] > _MAX_SHARE * count["moving samples"]:
+        moves = np.isfinite(end_m[..., 1]) & (end_m[..., 1] > FAR_M)
+        if (first_m[moves] < PRESENT_M).sum() > _MAX_SHARE * moves.sum():
             raise DataError(
                 f"{self._path}: the file seems to begin at the present, since the first "
                 "step of most moving objects is their present place; expected the "
                 "place after one period"
             )
-        least, most = self._confidence
-        if not math.isfinite(least):
-            raise DataError(f"{self._path}: no object has a confidence, expected each")
-        if least == most and count["used"] > 1 and not constant_confidence:
+        confidence = np.concatenate([each.object_confidence for each in rollouts])
+        if np.ptp(confidence) == 0 and len(confidence) > 1 and not constant_confidence:
             raise DataError(
-                f"{self._path}: each object has the confidence {least:g}, so that none "
-                "can be left out first and bADE is far higher; write the scores of the "
-                "detector, or pass --constant-confidence"
+                f"{self._path}: each object has the confidence {confidence[0]:g}, so "
+                "that none can be left out first and bADE is far higher; write the "
+                "scores of the detector, or pass --constant-confidence"
             )
 
-    def parameters(self, form: str, own_detections: bool) -> dict[str, Any]:
-        """Return what is stored with the run."""
-        path = self._path
-        digest = (
-            folder_digest(path, ("*.csv", "*.parquet"))
-            if path.is_dir()
-            else file_digest(path)
-        )
-        return {
-            "form": form,
-            "sha256": digest,
-            "rate": self._rate,
-            "modes": self._most_samples,
-            "seconds": self._steps / self._rate,
-            "least_confidence": self._confidence[0],
-            OWN_DETECTIONS: own_detections,
-        }
-
-    def lines(self, form: str) -> Iterator[str]:
-        """Yield the shape of the forecasts, and which samples are kept."""
+    def lines(
+        self, rollouts: Sequence[Rollout], parameters: dict[str, Any]
+    ) -> Iterator[str]:
+        """Yield what the file has, and which samples and classes are kept."""
         task = self._task
         yield (
-            f"{self._path.name}, form {form}: {self._steps} steps at {self._rate:g} Hz "
-            f"({self._steps / self._rate:g} s), {counted(self._most_samples, 'sample')} "
-            f"an object; {task.env_id} takes {task.future} steps at "
-            f"{self._card.task.rate:g} Hz and {task.samples} samples"
+            f"{self._path.name}, form {parameters['form']}: {self.steps} steps at "
+            f"{self._rate:g} Hz ({parameters['seconds']:g} s), "
+            f"{counted(self.samples, 'sample')} an object; {task.env_id} takes "
+            f"{task.future} steps at {self._card.task.rate:g} Hz and {task.samples} "
+            "samples"
         )
-        if self._most_samples > task.samples:
+        if self.samples > task.samples:
             yield f"the {task.samples} heaviest samples of each object are kept"
         if self.samples < task.samples:
             yield (
@@ -304,65 +287,32 @@ class _Import:
                 f"`mtp-bench score RUNS --samples {self.samples}` cuts all runs alike"
             )
         yield (
-            f"{counted(self._numbers['objects'], 'object')} in "
-            f"{counted(self._numbers['frames'], 'frame')} of "
-            f"{counted(self._numbers['scenes'], 'scene')}"
+            f"{counted(sum(len(each.object_class) for each in rollouts), 'object')} in "
+            f"{counted(sum(each.frames for each in rollouts), 'frame')} of "
+            f"{counted(len(rollouts), 'scene')}, none below the confidence "
+            f"{parameters['least_confidence']:.3g}"
         )
+        if not any(len(each.track_id) for each in rollouts):
+            yield "no tracks: identity switches, MOTA and HOTA are not measured"
 
-    def class_lines(self) -> Iterator[str]:
-        """Yield which classes are left out, and which the file lacks."""
-        classes = self._task.classes
-        skipped = [
-            f"{name or 'without a class'} {number}"
-            for name, number in self._objects_of.most_common()
-            if name not in classes
-        ]
-        if skipped:
-            yield f"objects of other classes are left out: {', '.join(skipped)}"
-        missing = [name for name in classes if not self._objects_of[name]]
+    def notes(self, own_detections: bool) -> Iterator[str]:
+        """Yield which classes are left out or lacking, and what else was counted."""
+        names = self._task.classes
+        for name, number in self._classes.most_common():
+            if name not in names:
+                label = f"objects of class {name or 'none'}, left out"
+                self._rows[label] = number
+        missing = [name for name in names if not self._classes[name]]
         if missing:
             yield (
                 f"no object is a {' or a '.join(missing)}: such targets count as "
                 "missed; --classes scores the classes that it has"
             )
-
-    def notes(self, own_detections: bool) -> Iterator[str]:
-        """Yield what was counted, and what the file lacks."""
-        yield f"no forecast below the confidence {self._confidence[0]:.3g} in the file"
-        if not self._numbers["tracks"]:
-            yield "no tracks: identity switches, MOTA and HOTA are not measured"
         self._rows["samples of other scenes"] = self._others
         yield from (
             f"{text}: {number}" for text, number in self._rows.items() if number
         )
-        yield (
-            "detections: the objects of the file"
-            if own_detections
-            else "the detector's part of the error is that of "
-            f"{self._card.detector_name}, not of the file; --own-detections takes the "
-            "objects of the file in its place"
-        )
-
-
-def _info(
-    card: Card,
-    path: Path,
-    samples: int,
-    parameters: dict[str, Any],
-    options: RunOptions,
-) -> RunInfo:
-    return RunInfo(
-        env_id=card.id,
-        card_digest=card.digest,
-        observe="file",
-        samples=samples,
-        split=card.source.split,
-        keywords=options.changes,
-        agent=path.name.partition(".")[0].replace(" ", "_") or "file",
-        parameters=parameters,
-        submission_digest="",
-        seed=0,
-        definitions=DEFINITIONS,
-        versions=library_versions(),
-        card=card.stored(),
-    )
+        detector = f"that of {self._card.detector_name}, not of the file"
+        if own_detections:
+            detector = "that of the file"
+        yield f"the detector's part of the error is {detector} (--own-detections)"

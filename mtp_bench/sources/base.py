@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import (
-    TEXT_PATTERNS,
     Card,
     DetectionsSection,
     SourceSection,
-    cached_digest,
-    folder_digest,
     instead_of_stored,
+    path_digest,
 )
 from ..core import (
     NO_ROWS,
@@ -217,9 +215,7 @@ def own_detections(card: Card) -> Path | None:
     if not path.exists():
         form = section.traits.detection_file
         raise MissingDataError(f"no file or folder {path}, expected {form}")
-    digest = (
-        folder_digest(path, TEXT_PATTERNS) if path.is_dir() else cached_digest(path)
-    )
+    digest = path_digest(path)
     if expected not in (None, digest):
         raise DataError(
             f"{path} has the sha256 {digest}, expected {expected}: the detections of "
