@@ -17,23 +17,34 @@ MAX_BYTES = 16 << 30  # of a file, and of what a compressed one unpacks to
 _CHUNK_BYTES = 1 << 24
 
 
+class _File(msgspec.Struct):
+    results: dict[str, msgspec.Raw] | None = None
+
+
 def read_keys(path: Path) -> dict[str, msgspec.Raw]:
     """Return the undecoded values of a JSON object by key; ``.gz`` is unpacked.
 
-    They are views of the file, which the system loads and drops as needed. Raises
-    DataError for a file that is missing, no JSON object, or above `MAX_BYTES`.
+    Of an object with a key ``results``, they are those under it. They are views of the
+    file, which the system loads and drops as needed. Raises DataError for a file that
+    is missing, no such JSON, or above `MAX_BYTES`.
     """
     try:
         with open_regular(path) as stream:
             is_packed = path.suffix == ".gz"
             mapped = _unpacked(path, stream) if is_packed else _mapped(path, stream)
-        if mapped.find(b"NaN") >= 0 or mapped.find(b"Infinity") >= 0:
-            mapped = _without_nan(path, mapped)
+        try:
+            return _keys(path, mapped)
+        except DataError:
+            return _keys(path, _without_nan(path, mapped))
     except FileNotFoundError:
         raise MissingDataError(f"no file {path}") from None
     except (OSError, ValueError, EOFError, zlib.error) as error:
         raise DataError(f"{path} cannot be read: {error}") from None
-    return decode(mapped, dict[str, msgspec.Raw], path)
+
+
+def _keys(path: Path, mapped: mmap.mmap) -> dict[str, msgspec.Raw]:
+    results = decode(mapped, _File, path).results
+    return results or decode(mapped, dict[str, msgspec.Raw], path)
 
 
 def _mapped(path: Path, stream: IO[bytes]) -> mmap.mmap:

@@ -1,5 +1,6 @@
 """Forecasts of other programs as they are read: nuScenes' forms and the project's own tables, places worked out by hand."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -150,6 +151,25 @@ def test_numbers_that_are_not_json_are_read_as_unknown(tmp_path: Path, monkeypat
     assert np.isnan(stored.path[1, 2, 4]).all()
 
 
+@pytest.mark.parametrize("text", ["null", "[]", "[ ]", "[[], []]"])
+def test_no_forecast_in_any_way(text: str, tmp_path: Path) -> None:
+    objects = mfeval()
+    objects[0]["traj"] = "HERE"
+    data = write_root(tmp_path / "data")
+    path = write_results(tmp_path / "f.json", results(objects))
+    path.write_text(path.read_text().replace('"HERE"', text))
+    assert np.isneginf(read("mfeval", data, path).log_weight[0]).all()
+
+
+def test_blanks_and_lines_in_a_file(tmp_path: Path) -> None:
+    data = write_root(tmp_path / "data")
+    path = tmp_path / "f.json"
+    path.write_text(json.dumps(results(mfeval()), indent=3).replace("\n", "\r\n\t"))
+    spread = read("mfeval", data, path)
+    compact = read("mfeval", data, write_results(path, results(mfeval())))
+    np.testing.assert_array_equal(spread.path, compact.path)
+
+
 def test_fewer_samples_than_other_objects(tmp_path: Path) -> None:
     objects = mfeval()
     objects[1] |= {"traj": objects[1]["traj"][:2], "traj_prob": [0.5, 0.5]}
@@ -177,8 +197,14 @@ WRONG: dict[str, tuple[tuple[str, Callable[[Record], object]], str]] = {  # form
     "no list": (("mfeval", lambda content: content.update({sample(SCENE, 1): {}})), "t1': expected `array`, got"),
     "no place": (change("translation", [1.0]), r"sample 'scene-0003-t1', \[0\].translation: expected `array` of "),
     "a word as a score": (change("detection_score", "high"), r"\[0\].detection_score: expected `float .*, got `str`"),
-    "a place of three numbers": (change("traj", [[[1, 2, 3]]]), r"\[0\].traj\[0\]\[0\]: expected `array` of length 2"),
-    "a ragged sample": (change("traj", [[[1, 2]], [[1, 2]] * 2]), r"t1': an object has samples of \[1, 2\] places"),
+    "a place of three numbers": (change("traj", [[[1, 2, 3]]]), r"t1', \[0\]\[0\]: expected `array` of length 2"),
+    "a ragged sample": (change("traj", [[[1, 2]], [[1, 2]] * 2]), r"t1': samples of \[1, 2\] places in an object"),
+    "empty samples": (change("traj", [[], [[1, 2]]]), r"t1': samples of \[0, 1\] places in an object"),
+    "words as places": (change("traj", [[["1", "2"]]]), r"\[0\]\[0\]\[0\]: expected `float .*, got `str`"),
+    "objects as places": (change("traj", [[{"x": 1, "y": 2}]]), r"\[0\]\[0\]: expected `array`, got `object`"),
+    "a number as samples": (change("traj", 5), "expected `array`, got `int`"),
+    "true": (change("traj", [[[True, 1]]]), r"\[0\]\[0\]\[0\]: expected `float .*, got `bool`"),
+    "places in places": (change("traj", [[[[1, 2], [1, 2]]]]), r"expected `float .*, got `array`"),
     "another length": (change("traj", [[[1, 2]] * 3] * MODES), "a forecast of 3 places, expected 12 as of other"),
     "too few weights": (change("traj_prob", [1.0]), "t1': 1 weights, expected one for each of its 6 samples"),
     "steps that do not fit": (change("fut_traj", [0.0] * 71, "vad"), "71 numbers in fut_traj, expected x y of as many"),

@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,7 +24,6 @@ from ..base import (
     usual_sizes,
 )
 from ..mapped import read_keys
-from ..rotation import yaw_of
 from ..stored_forecasts import (
     USUAL_SIZES,
     ObjectForecast,
@@ -40,6 +38,8 @@ from .store import TableStore
 # a number; null, as NaN is read, is one that the file lacks
 _Cell = float | None
 _Samples = list[list[tuple[_Cell, _Cell]]]
+_NULL = b"null"
+_NUMBER_LETTERS = b"0123456789+-.eEnul \t\r\n"  # also of null and between numbers
 
 
 class ForecastObject(msgspec.Struct, gc=False):
@@ -54,12 +54,12 @@ class ForecastObject(msgspec.Struct, gc=False):
     detection_score: float | None = None
     tracking_score: float | None = None
     tracking_id: str | int | None = None
-    traj: _Samples | None = None
+    traj: msgspec.Raw = msgspec.Raw(_NULL)
     traj_prob: list[_Cell] | None = None
-    predict_traj: _Samples | None = None
+    predict_traj: msgspec.Raw = msgspec.Raw(_NULL)
     predict_traj_score: list[_Cell] | None = None
-    pred_outputs: _Samples | None = None
-    pred_future_trajs: _Samples | None = None
+    pred_outputs: msgspec.Raw = msgspec.Raw(_NULL)
+    pred_future_trajs: msgspec.Raw = msgspec.Raw(_NULL)
     pred_probs: list[_Cell] | None = None
     fut_traj: list[_Cell] | None = None
 
@@ -115,8 +115,6 @@ def _first(item: ForecastObject, keys: Sequence[str]) -> Any:
 def _open(form: _Form, card: Card, data: DataRoot, path: Path) -> ReadForecasts:
     tables = NuScenes(card, data).tables
     samples = read_keys(path)
-    if "results" in samples:
-        samples = decode(samples["results"], dict[str, msgspec.Raw], path)
     known_tokens = tables.row_of_token
     if not any(token in known_tokens for token in samples):
         raise DataError(
@@ -143,19 +141,21 @@ def _scene_forecasts(
             f"{path}: no entry for sample {missing[0]!r} of {scene.name}, expected one "
             f"for each of its {len(tokens)} samples, empty where nothing is forecast"
         )
-    items: list[ForecastObject] = []
     objects: list[ObjectForecast] = []
+    without_size = 0
     classes = card.task.classes
     sizes = dict(zip(classes, usual_sizes(classes).tolist(), strict=True))
     for t, token in enumerate(tokens):
         where = f"{path}, sample {token!r}"
-        found = decode(samples.pop(token), list[ForecastObject], where)
-        items += found
-        objects += [_object_of(item, form, t, where, sizes) for item in found]
-    notes = {USUAL_SIZES: sum(item.size is None for item in items)}
-    stored = stack_forecasts(objects, notes, len(samples))
-    rotation = [item.rotation or (1.0, 0.0, 0.0, 0.0) for item in items]
-    stored.box[:, 3] = yaw_of(np.array(rotation, np.float64).reshape(-1, 4))
+        items = decode(samples.pop(token), list[ForecastObject], where)
+        without_size += sum(item.size is None for item in items)
+        # arrays at once: the lists of a whole scene would keep the collector busy
+        objects += [_object_of(item, form, t, where, sizes) for item in items]
+    stored = stack_forecasts(objects, {USUAL_SIZES: without_size}, len(samples))
+    if not form.are_logarithms:
+        weight = np.maximum(stored.log_weight, 0)
+        with np.errstate(divide="ignore"):
+            np.log(weight, out=stored.log_weight)
     if form.frame != "global":
         for t, token in enumerate(tokens):
             rows = stored.frame == t
@@ -172,7 +172,7 @@ def _object_of(
     where: str,
     sizes: Mapping[str, Sequence[float]],
 ) -> ObjectForecast:
-    """Return an object of the file without its heading; ``sizes``: l w h by class."""
+    """Return an object of the file; ``sizes``: usual l w h by class."""
     name = _first(item, form.names) or ""
     z = item.translation[2] if len(item.translation) > 2 else 0.0
     size: Sequence[_Cell] = sizes.get(name, (0.0,) * 3)
@@ -183,28 +183,31 @@ def _object_of(
     path = _path_of(item, form, where)
     weights = _first(item, form.weights)
     if weights is None or not len(path):
-        log_weight = np.zeros(len(path))
-    else:
-        log_weight = np.array(weights, dtype=np.float64)
-        if not form.are_logarithms:
-            with np.errstate(divide="ignore"):
-                log_weight = np.log(np.maximum(log_weight, 0))
+        weights = [1.0] * len(path)
     return ObjectForecast(
         frame=frame,
         where=where,
         class_name=name,
-        box=(*item.translation[:2], z, 0.0, *size),
+        box=(*item.translation[:2], z, _heading(item), *size),
         confidence=_first(item, form.scores),
         path=path,
-        log_weight=log_weight,
+        log_weight=np.array(weights, dtype=np.float64),
         identity="" if identity is None else str(identity),
     )
 
 
+def _heading(item: ForecastObject) -> float:
+    """Return the heading of a box, rad; 0 without a rotation."""
+    if item.rotation is None:
+        return 0.0
+    w, x, y, z = (math.nan if number is None else number for number in item.rotation)
+    return math.atan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z)
+
+
 def _path_of(item: ForecastObject, form: _Form, where: str) -> Floats:
     """Return the samples [k, S, 2] of an object, none without a forecast."""
-    path = _first(item, form.paths) or []
     if form.frame == "steps":
+        path = item.fut_traj or []
         steps = len(path) // (2 * _VAD_MODES)
         if len(path) != steps * 2 * _VAD_MODES:
             raise DataError(
@@ -213,15 +216,31 @@ def _path_of(item: ForecastObject, form: _Form, where: str) -> Floats:
             )
         samples = _VAD_MODES if path else 0
         return np.array(path, np.float64).reshape(samples, steps, 2).cumsum(axis=1)
-    lengths = {len(sample) for sample in path}
-    if len(lengths) > 1:
-        raise DataError(f"{where}: an object has samples of {sorted(lengths)} places")
-    shape = (len(path), max(lengths, default=0), 2)
-    places = chain.from_iterable(chain.from_iterable(path))
-    try:
-        return np.fromiter(places, np.float64, math.prod(shape)).reshape(shape)
-    except TypeError:  # null
-        return np.array(path, dtype=np.float64)
+    paths = (_nested_places(getattr(item, key), where) for key in form.paths)
+    return next((path for path in paths if len(path)), np.zeros((0, 0, 2)))
+
+
+def _nested_places(content: msgspec.Raw, where: str) -> Floats:
+    """Return samples [k, S, 2] of lists of lists, none for null.
+
+    The numbers of one flat list are decoded several times as fast as such lists.
+    """
+    text = bytes(content)
+    layout = text.translate(None, _NUMBER_LETTERS)  # brackets and commas
+    samples = layout.count(b"[[,")
+    steps = layout.partition(b"]]")[0].count(b"[,")
+    sample = b"[" + b",".join([b"[,]"] * steps) + b"]"
+    if samples and layout == b"[" + b",".join([sample] * samples) + b"]":
+        flat = b"[" + text.translate(None, b"[]") + b"]"
+        numbers = decode(flat, list[_Cell], where)
+        return np.array(numbers, np.float64).reshape(samples, steps, 2)
+    if text != _NULL:
+        lengths = {len(path) for path in decode(content, _Samples, where)}
+        if lengths - {0}:
+            raise DataError(
+                f"{where}: samples of {sorted(lengths)} places in an object"
+            )
+    return np.zeros((0, 0, 2))
 
 
 def _in_scene(places: Floats, box: Floats, pose: LidarPose, form: _Form) -> Floats:
