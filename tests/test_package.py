@@ -21,8 +21,7 @@ PUBLIC = {
     "FunctionPredictor", "MTPEnv", "MtpBenchError", "Objects", "Observation", "Pipeline", "Predictor", "RecordError",
     "Report", "Rollout", "RolloutError", "Sampler", "Scene", "ShapeError", "Submission", "SubmissionError", "Task",
     "Tracker", "Tracks", "Truth", "UnknownNameError", "__version__", "card_ids", "check_agent", "compare",
-    "doctor",
-    "evaluate", "load_card", "load_scenes", "load_submission", "make_action", "run", "save_scene", "score", "windows",
+    "doctor", "evaluate", "import_forecasts", "load_card", "load_scenes", "load_submission", "make_action", "run", "save_scene", "score", "windows",
 }  # fmt: skip
 LAZY = {"prediction", "scoring", "tracking", "training", "wrappers"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
@@ -55,6 +54,24 @@ def test_parts_are_imported_when_they_are_used() -> None:
         "print(all(callable(getattr(mtp_bench, name)) for name in ('run', 'score', 'compare')))"
     )
     assert out.splitlines() == ["[]", "True", "True"]
+
+
+def test_the_judge_loads_no_reader_of_pickles() -> None:
+    """Not even the restricted one: neither with all of the judge, nor with the forms of all sources."""
+    out = python(
+        "import importlib, pkgutil, sys\n"
+        "import mtp_bench.judge as judge, mtp_bench.viz.board as board\n"
+        "from mtp_bench.sources import forecast_forms, package_of\n"
+        "from mtp_bench import card_ids, load_card\n"
+        "for part in (judge, board):\n"
+        "    for module in pkgutil.walk_packages(part.__path__, f'{part.__name__}.'):\n"
+        "        if not module.name.endswith('_main'):\n"
+        "            importlib.import_module(module.name)\n"
+        "import mtp_bench.commands.submit, mtp_bench.commands.board, mtp_bench.commands.import_\n"
+        "print(sum(len(forecast_forms(package_of(load_card(name)))) for name in card_ids()) > len(card_ids()))\n"
+        "print(sorted(name for name in sys.modules if 'restricted_pickle' in name))"
+    )
+    assert out.splitlines() == ["True", "[]"]
 
 
 def test_the_import_loads_nothing_heavy() -> None:
