@@ -163,18 +163,16 @@ def with_classes(card: Card, classes: Sequence[str]) -> Card:
     """
     for name in classes:
         require_known(f"class of {card.id}", name, card.task.classes)
-    left_out = [name for name in card.task.classes if name not in classes]
     content = card.stored()
     task = content["task"]
     task["classes"] = [name for name in card.task.classes if name in classes]
-    tables = (
-        task["forecast_gate"],
-        task["miss_error"],
-        task["event_gate"]["threshold"],
-    )
-    for table in tables:
-        for name in left_out:
-            del table[name]
+    gate = task["event_gate"]
+    for section, key in (
+        (task, "forecast_gate"),
+        (task, "miss_error"),
+        (gate, "threshold"),
+    ):
+        section[key] = {name: section[key][name] for name in task["classes"]}
     return parse_card(content, card.id)
 
 

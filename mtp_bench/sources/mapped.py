@@ -10,8 +10,8 @@ from typing import IO
 
 import msgspec
 
-from ..core import DataError, MissingDataError, open_regular
-from .text import as_json, decode
+from ..core import DataError, open_regular
+from .text import as_json, decode, reading
 
 MAX_BYTES = 16 << 30  # of a file, and of what a compressed one unpacks to
 _CHUNK_BYTES = 1 << 24
@@ -28,7 +28,7 @@ def read_keys(path: Path) -> dict[str, msgspec.Raw]:
     file, which the system loads and drops as needed. Raises DataError for a file that
     is missing, no such JSON, or above `MAX_BYTES`.
     """
-    try:
+    with reading(path, "JSON"):
         with open_regular(path) as stream:
             is_packed = path.suffix == ".gz"
             mapped = _unpacked(path, stream) if is_packed else _mapped(path, stream)
@@ -36,10 +36,6 @@ def read_keys(path: Path) -> dict[str, msgspec.Raw]:
             return _keys(path, mapped)
         except DataError:
             return _keys(path, _without_nan(path, mapped))
-    except FileNotFoundError:
-        raise MissingDataError(f"no file {path}") from None
-    except (OSError, ValueError, EOFError, zlib.error) as error:
-        raise DataError(f"{path} cannot be read: {error}") from None
 
 
 def _keys(path: Path, mapped: mmap.mmap) -> dict[str, msgspec.Raw]:
@@ -68,9 +64,12 @@ def _without_nan(path: Path, mapped: mmap.mmap) -> mmap.mmap:
 
 def _unpacked(path: Path, stream: IO[bytes]) -> mmap.mmap:
     with gzip.GzipFile(fileobj=stream) as packed, tempfile.TemporaryFile() as unpacked:
-        while chunk := packed.read(_CHUNK_BYTES):
-            _require_size(path, unpacked.tell() + len(chunk))
-            unpacked.write(chunk)
+        try:
+            while chunk := packed.read(_CHUNK_BYTES):
+                _require_size(path, unpacked.tell() + len(chunk))
+                unpacked.write(chunk)
+        except (EOFError, zlib.error) as error:
+            raise ValueError(str(error)) from None
         return _mapped(path, unpacked)
 
 

@@ -15,25 +15,29 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import DataError, MissingDataError, clean_text, open_regular
+from ..core import DataError, clean_text, open_regular
+from .text import reading
 
 MAX_BYTES = 1 << 28  # of a file, and of what its calls are given
 _MAX_DIMENSIONS = 8
 _NUMBERS = "?bhilqBHILQefd"  # types of numbers, in NumPy's letters
 # what makes objects in other ways than by a call of `_KNOWN`, and endless integers
-_REFUSED = (
-    pickle.BINPERSID,
-    pickle.EXT1,
-    pickle.EXT2,
-    pickle.EXT4,
-    pickle.INST,
-    pickle.LONG4,
-    pickle.NEWOBJ,
-    pickle.NEWOBJ_EX,
-    pickle.NEXT_BUFFER,
-    pickle.OBJ,
-    pickle.PERSID,
-)
+_REFUSED = [
+    getattr(pickle, name)[0]
+    for name in [
+        "BINPERSID",
+        "EXT1",
+        "EXT2",
+        "EXT4",
+        "INST",
+        "LONG4",
+        "NEWOBJ",
+        "NEWOBJ_EX",
+        "NEXT_BUFFER",
+        "OBJ",
+        "PERSID",
+    ]
+]
 
 
 class _Array:
@@ -69,16 +73,14 @@ def _encoded(text: str, encoding: str) -> bytes:
     return text.encode("latin1")
 
 
-_MULTIARRAY = ("numpy.core.multiarray", "numpy._core.multiarray")
-_NUMERIC = ("numpy.core.numeric", "numpy._core.numeric")
 _KNOWN: dict[tuple[str, str], Callable[..., Any]] = {
     ("numpy", "ndarray"): lambda: None,
     ("numpy", "dtype"): lambda code, *flags: _Type(code),
     ("_codecs", "encode"): _encoded,
     ("__builtin__", "bytes"): lambda: b"",
-    **{(module, "_reconstruct"): lambda *_: _Array() for module in _MULTIARRAY},
-    **{(module, "scalar"): _scalar_of for module in _MULTIARRAY},
-    **{(module, "_frombuffer"): _numbers_of for module in _NUMERIC},
+    ("numpy._core.multiarray", "_reconstruct"): lambda *_: _Array(),
+    ("numpy._core.multiarray", "scalar"): _scalar_of,
+    ("numpy._core.numeric", "_frombuffer"): _numbers_of,
 }
 
 
@@ -90,17 +92,17 @@ class _Reader(_Unpickler):  # type: ignore[misc]
     """Unpickler that calls the functions of `_KNOWN` alone."""
 
     dispatch: ClassVar = {
-        code: step
-        for code, step in _Unpickler.dispatch.items()
-        if code not in [refused[0] for refused in _REFUSED]
+        code: step for code, step in _Unpickler.dispatch.items() if code not in _REFUSED
     }
     bytes_left = MAX_BYTES
 
     def find_class(self, module: str, name: str) -> Callable[..., Any]:
         """Return a function of `_KNOWN`."""
-        if (module, name) not in _KNOWN:
+        # as NumPy 2 calls it
+        key = (module.replace("numpy.core.", "numpy._core."), name)
+        if key not in _KNOWN:
             raise ValueError(f"it names {module}.{name}, which is not read")
-        return _KNOWN[module, name]
+        return _KNOWN[key]
 
     def load_reduce(self) -> None:
         """Call a function that the file named."""
@@ -144,24 +146,16 @@ def read_pickle(path: Path) -> Any:
 
     Raises DataError for a file that is missing, broken, too large or names other code.
     """
-    try:
+    with reading(path, "a pickle of arrays of numbers"):
         with open_regular(path) as stream:
             content = stream.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise MissingDataError(f"no file {path}") from None
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {error}") from None
-    if len(content) > MAX_BYTES:
-        raise DataError(f"{path}: above {MAX_BYTES >> 20} MiB, the limit of a pickle")
-    try:
-        return _Reader(io.BytesIO(content)).load()
-    except Exception as error:  # whatever a broken or hostile file makes it raise
-        problem = type(error).__name__
-        if isinstance(error, ValueError):
-            problem = clean_text(str(error), 200)
-        raise DataError(
-            f"{path} cannot be read as a pickle of arrays of numbers: {problem}"
-        ) from None
+        if len(content) > MAX_BYTES:
+            raise ValueError(f"it is above {MAX_BYTES >> 20} MiB, the limit")
+        try:
+            return _Reader(io.BytesIO(content)).load()
+        except Exception as error:  # whatever a broken or hostile file makes it raise
+            text = f"{type(error).__name__}: {error}"
+            raise ValueError(clean_text(text, 200)) from None
 
 
 def array_of(value: Any, shape: tuple[int, ...], where: str) -> NDArray[np.float64]:

@@ -191,7 +191,7 @@ def _open_tables(card: Card, data: DataRoot, path: Path) -> ReadForecasts:
         rows = table["scene"] == scene.name
         if not rows.any():
             names = ", ".join(np.unique(table["scene"])[:3])
-            raise missing_scene(path, scene.name, f"found: {names}")
+            raise missing_scene(path, scene.name, f"rows of {names} .., none")
         return read_forecast_table(table.select(rows), scene, card.task.classes)
 
     return read_scene
@@ -200,15 +200,15 @@ def _open_tables(card: Card, data: DataRoot, path: Path) -> ReadForecasts:
 def _table_of(folder: Path, scene: Scene) -> Path:
     path = find_table(folder, file_stem(scene.name))
     if path is None:
-        raise missing_scene(folder, scene.name, "expected its table .csv or .parquet")
+        raise missing_scene(folder, scene.name, "no table .csv or .parquet")
     return path
 
 
-def missing_scene(path: Path, scene: str, found: str) -> DataError:
-    """Return the error that a file has nothing of a scene that is scored."""
+def missing_scene(path: Path, scene: str, problem: str) -> DataError:
+    """Return the error that a file lacks what is scored of a scene."""
     return DataError(
-        f"{path}: no forecasts of scene {scene!r}; {found}; --split names another "
-        "split, --scenes N takes the first N scenes alone"
+        f"{path}: {problem} for scene {scene!r}; --split names another split, "
+        "--scenes N takes the first N scenes alone"
     )
 
 
@@ -239,19 +239,17 @@ def stack_forecasts(
     log_weight = np.full((len(objects), most), -np.inf)
     for row, item in enumerate(objects):
         samples = len(item.path)
-        if samples and item.path.shape[1] != steps:
+        if samples == 0:
+            continue
+        expected = (len(item.log_weight), steps, 2)
+        if item.path.shape != expected:
             raise DataError(
-                f"{item.where}: a forecast of {item.path.shape[1]} places, expected "
-                f"{steps} as of other objects"
+                f"{item.where}: samples of shape {item.path.shape}, expected "
+                f"{expected}: as many as weights, with as many places as of other "
+                "objects"
             )
-        if len(item.log_weight) != samples:
-            raise DataError(
-                f"{item.where}: {len(item.log_weight)} weights, expected one for each "
-                f"of its {samples} samples"
-            )
-        if samples:
-            path[row, :samples] = item.path
-            log_weight[row, :samples] = item.log_weight
+        path[row, :samples] = item.path
+        log_weight[row, :samples] = item.log_weight
     return StoredForecasts(
         frame=np.array([item.frame for item in objects], dtype=np.int64),
         class_name=np.array([item.class_name for item in objects], dtype=np.str_),

@@ -82,8 +82,8 @@ def laughs() -> list[Any]:
 
 
 WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
-    "no log": (lambda content: content.pop(LOG), "no forecasts of scene 'a-log'; it has 1 other logs; --split"),
-    "a list of logs": (lambda content: content.update({LOG: []}), "no forecasts of scene 'a-log'"),
+    "no log": (lambda content: content.pop(LOG), "1 other logs, but none for scene 'a-log'; --split"),
+    "a list of logs": (lambda content: content.update({LOG: []}), "1 other logs, but none for scene 'a-log'"),
     "a missing frame": (
         lambda content: content[LOG].pop(stamp(1)),
         f"log 'a-log', time {stamp(1)}: no list of up to 10000 objects, expected one for each frame, empty where"),
@@ -95,8 +95,8 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "no forecast": (change(prediction_m=None), "object 1, prediction_m: NoneType, expected numbers"),
     "words": (change(prediction_m=np.array([[["1", "2"]]])), "prediction_m: ndarray, expected numbers"),
     "lists that never end": (change(prediction_m=laughs()), r"prediction_m: .*expected \(-1, -1, 2\)"),
-    "too few weights": (change(score=np.ones(3)), "object 1: 3 weights, expected one for each of its 5 samples"),
-    "another length": (change(prediction_m=np.zeros((5, 3, 2))), "a forecast of 3 places, expected 6 as of other"),
+    "too few weights": (change(score=np.ones(3)), r"object 1: samples of shape \(5, 6, 2\), expected \(3, 6, 2\): as many as weights"),
+    "another length": (change(prediction_m=np.zeros((5, 3, 2))), r"samples of shape \(5, 3, 2\), expected \(5, 6, 2\)"),
     "a box in words": (change(size="big"), "object 1, size: str, expected numbers"),
     "two sides": (change(size=[1.0, 2.0]), r"object 1, size: numbers of shape \(2,\), expected \(3,\)"),
     "one coordinate": (change(current_translation_m=[1.0]), "object 1: a place of 1 numbers, expected x y"),

@@ -188,11 +188,11 @@ def change(key: str, value: Any, form: str = "mfeval") -> tuple[str, Callable[[R
 WRONG: dict[str, tuple[tuple[str, Callable[[Record], object]], str]] = {  # form and change, what the error says
     "a missing sample": (
         ("mfeval", lambda content: content.pop(sample(SCENE, 2))),
-        "no entry for sample 'scene-0003-t2' of scene-0003, expected one for each of its 4 samples, empty where",
+        "no entry for sample 'scene-0003-t2', expected one for each of 4 samples, empty where nothing is forecast, for",
     ),
     "no sample of the scene": (
         ("mfeval", lambda content: [content.pop(sample(SCENE, t)) for t in range(4)]),
-        "no forecasts of scene 'scene-0003'; it has 1 other samples; --split names another",
+        "no entry for sample 'scene-0003-t0', .* for scene 'scene-0003'; --split names another",
     ),
     "no list": (("mfeval", lambda content: content.update({sample(SCENE, 1): {}})), "t1': expected `array`, got"),
     "no place": (change("translation", [1.0]), r"sample 'scene-0003-t1', \[0\].translation: expected `array` of "),
@@ -205,8 +205,11 @@ WRONG: dict[str, tuple[tuple[str, Callable[[Record], object]], str]] = {  # form
     "a number as samples": (change("traj", 5), "expected `array`, got `int`"),
     "true": (change("traj", [[[True, 1]]]), r"\[0\]\[0\]\[0\]: expected `float .*, got `bool`"),
     "places in places": (change("traj", [[[[1, 2], [1, 2]]]]), r"expected `float .*, got `array`"),
-    "another length": (change("traj", [[[1, 2]] * 3] * MODES), "a forecast of 3 places, expected 12 as of other"),
-    "too few weights": (change("traj_prob", [1.0]), "t1': 1 weights, expected one for each of its 6 samples"),
+    "another length": (change("traj", [[[1, 2]] * 3] * MODES), r"samples of shape \(6, 3, 2\), expected \(6, 12, 2\)"),
+    "too few weights": (
+        change("traj_prob", [1.0]),
+        r"t1': samples of shape \(6, 12, 2\), expected \(1, 12, 2\): as many as weights, with as many places as of",
+    ),
     "steps that do not fit": (change("fut_traj", [0.0] * 71, "vad"), "71 numbers in fut_traj, expected x y of as many"),
 }
 
@@ -222,7 +225,7 @@ def test_a_wrong_file(case: str, tmp_path: Path) -> None:
 
 
 BROKEN: dict[str, tuple[bytes, str]] = {
-    "empty": (b"", "cannot be read: cannot mmap an empty file"),
+    "empty": (b"", "cannot be read as JSON: cannot mmap an empty file"),
     "cut off": (b'{"a": [', "cannot be read as JSON: .*; is the file cut off"),
     "a list": (b"[]", "expected `object`, got `array`"),
     "another dataset": (b'{"a": [], "b": []}', "none of its 2 samples is in sample.json of v1.0-mini"),
@@ -240,11 +243,11 @@ def test_a_broken_file(case: str, tmp_path: Path) -> None:
 
 def test_a_packed_file_that_is_not_one(tmp_path: Path) -> None:
     (tmp_path / "f.json.gz").write_bytes(b"{}")
-    with pytest.raises(DataError, match="cannot be read: Not a gzipped file"):
+    with pytest.raises(DataError, match="cannot be read as JSON: Not a gzipped file"):
         read("mfeval", write_root(tmp_path / "data"), tmp_path / "f.json.gz")
     packed = write_results(tmp_path / "g.json.gz", results(mfeval())).read_bytes()
     (tmp_path / "g.json.gz").write_bytes(packed[:-20])
-    with pytest.raises(DataError, match="cannot be read: Compressed file ended"):
+    with pytest.raises(DataError, match="cannot be read as JSON: Compressed file ended"):
         read("mfeval", write_root(tmp_path / "data"), tmp_path / "g.json.gz")
 
 
@@ -329,7 +332,7 @@ def test_one_table_with_a_column_scene(suffix: str, tmp_path: Path) -> None:
         write_table(path, read_named_table(tmp_path / "all.csv", columns).columns)
     stored = read("table", write_root(tmp_path / "data"), path)
     assert stored.path.shape == (2, 2, 2, 2)
-    with pytest.raises(DataError, match="no forecasts of scene 'scene-0301'; found: scene-0001, scene-0003; --split"):
+    with pytest.raises(DataError, match=r"rows of scene-0001, scene-0003 \.\., none for scene 'scene-0301'; --split"):
         read("table", tmp_path / "data", path, scene="scene-0301")
 
 
@@ -397,7 +400,7 @@ def test_a_wrong_table(case: str, tmp_path: Path) -> None:
 
 
 def test_a_folder_without_the_scene(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"no forecasts of scene .scene-0003.; expected its table \.csv or \.parquet"):
+    with pytest.raises(DataError, match=r"no table \.csv or \.parquet for scene 'scene-0003'; --split"):
         own(tmp_path, table(ROWS, FULL), name="scene-0001")
 
 

@@ -104,7 +104,7 @@ def vip3d() -> list[Record]:
 
 def vad() -> list[Record]:
     """`fut_traj`, a flat list of steps in the axes of the lidar, 3 s; no tracks and no weights."""
-    objects = boxes()
+    objects = [{key: value for key, value in item.items() if "tracking" not in key} for item in boxes()]
     slower = [1 - m / 10 for m in range(MODES)]
     objects[0]["fut_traj"] = [number for share in slower for _ in range(6) for number in (-2.0 * share, 0.0)]
     objects[1]["fut_traj"] = [number for share in slower for _ in range(6) for number in (0.0, -0.5 * share)]

@@ -38,7 +38,7 @@ def _log_forecasts(
     """Return the forecasts of a log; sweeps between frames are left out."""
     by_time = logs.pop(scene.name, None)
     if not isinstance(by_time, dict):
-        raise missing_scene(path, scene.name, f"it has {len(logs)} other logs")
+        raise missing_scene(path, scene.name, f"{len(logs)} other logs, but none")
     stride = section_of(card, Argoverse2Source).stride
     sweeps = Sweeps.read(log_folder(card, data, scene.name), stride)
     objects: list[ObjectForecast] = []

@@ -6,10 +6,10 @@ A file is a JSON object with a list of objects for each sample, which may stand 
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -53,7 +53,7 @@ class ForecastObject(msgspec.Struct, gc=False):
     tracking_name: str | None = None
     detection_score: float | None = None
     tracking_score: float | None = None
-    tracking_id: str | int | None = None
+    tracking_id: str | int = ""
     traj: msgspec.Raw = msgspec.Raw(_NULL)
     traj_prob: list[_Cell] | None = None
     predict_traj: msgspec.Raw = msgspec.Raw(_NULL)
@@ -66,50 +66,22 @@ class ForecastObject(msgspec.Struct, gc=False):
 
 @dataclass(frozen=True)
 class _Form:
-    """Keys of a form; of several, the first that an object has counts."""
+    """Keys of a form that differ between the forms."""
 
-    names: Sequence[str]
-    scores: Sequence[str]
-    paths: Sequence[str]
-    weights: Sequence[str] = ()
+    paths: Sequence[str]  # the first that an object has counts
+    weights: str = ""
     are_logarithms: bool = False  # the weights
-    identity: Sequence[str] = ()
     # "lidar": places in the frame of LIDAR_TOP; "steps": from one place to the next
     frame: Literal["global", "lidar", "steps"] = "global"
 
 
-_TRACKS = _Form(
-    names=("tracking_name", "detection_name"),
-    scores=("tracking_score", "detection_score"),
-    paths=("predict_traj",),
-    weights=("predict_traj_score",),
-    are_logarithms=True,
-    identity=("tracking_id",),
-    frame="lidar",
-)
 _FORMS = {
-    "mfeval": _Form(("class_name",), ("detection_score",), ("traj",), ("traj_prob",)),
-    "uniad": _TRACKS,
-    "vip3d": replace(
-        _TRACKS,
-        paths=("pred_outputs", "pred_future_trajs"),
-        weights=("pred_probs",),
-        frame="global",
-    ),
-    "vad": _Form(
-        ("detection_name",), ("detection_score",), ("fut_traj",), frame="steps"
-    ),
+    "mfeval": _Form(("traj",), "traj_prob"),
+    "uniad": _Form(("predict_traj",), "predict_traj_score", True, "lidar"),
+    "vip3d": _Form(("pred_outputs", "pred_future_trajs"), "pred_probs", True),
+    "vad": _Form(("fut_traj",), frame="steps"),
 }
 _VAD_MODES = 6  # of a flat list
-
-
-def _first(item: ForecastObject, keys: Sequence[str]) -> Any:
-    """Return the value of the first key that the object has, else None."""
-    for key in keys:
-        value = getattr(item, key)
-        if value is not None:
-            return value
-    return None
 
 
 def _open(form: _Form, card: Card, data: DataRoot, path: Path) -> ReadForecasts:
@@ -133,14 +105,13 @@ def _scene_forecasts(
     scene: Scene,
 ) -> StoredForecasts:
     tokens = tables.sample_tokens(scene.name)
-    missing = [token for token in tokens if token not in samples]
-    if len(missing) == len(tokens):
-        raise missing_scene(path, scene.name, f"it has {len(samples)} other samples")
-    if missing:
-        raise DataError(
-            f"{path}: no entry for sample {missing[0]!r} of {scene.name}, expected one "
-            f"for each of its {len(tokens)} samples, empty where nothing is forecast"
-        )
+    for token in tokens:
+        if token not in samples:
+            problem = (
+                f"no entry for sample {token!r}, expected one for each of "
+                f"{len(tokens)} samples, empty where nothing is forecast,"
+            )
+            raise missing_scene(path, scene.name, problem)
     objects: list[ObjectForecast] = []
     without_size = 0
     classes = card.task.classes
@@ -173,15 +144,17 @@ def _object_of(
     sizes: Mapping[str, Sequence[float]],
 ) -> ObjectForecast:
     """Return an object of the file; ``sizes``: usual l w h by class."""
-    name = _first(item, form.names) or ""
+    name = item.class_name or item.tracking_name or item.detection_name or ""
+    score = item.tracking_score
+    if score is None:
+        score = item.detection_score
     z = item.translation[2] if len(item.translation) > 2 else 0.0
     size: Sequence[_Cell] = sizes.get(name, (0.0,) * 3)
     if item.size is not None:
         width, length, height = item.size
         size = (length, width, height)
-    identity = _first(item, form.identity)
     path = _path_of(item, form, where)
-    weights = _first(item, form.weights)
+    weights = getattr(item, form.weights, None)
     if weights is None or not len(path):
         weights = [1.0] * len(path)
     return ObjectForecast(
@@ -189,10 +162,10 @@ def _object_of(
         where=where,
         class_name=name,
         box=(*item.translation[:2], z, _heading(item), *size),
-        confidence=_first(item, form.scores),
+        confidence=score,
         path=path,
         log_weight=np.array(weights, dtype=np.float64),
-        identity="" if identity is None else str(identity),
+        identity=str(item.tracking_id),
     )
 
 
