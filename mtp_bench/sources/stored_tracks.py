@@ -115,17 +115,9 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
     DataError names the wrong line.
     """
     table = read_named_table(path, TRACKS)
-    frame = table.whole_numbers("frame")
     track_number = ids_of(table)
     class_id = class_ids_of(table, classes)
-    problem = f"but the scene has the frames 0 to {scene.frames - 1}"
-    table.refuse(
-        (frame < 0) | (frame >= scene.frames),
-        lambda row: f"frame {frame[row]}, {problem}",
-        "frame",
-    )
-    check_ranges(table, positive_sizes=False)
-    refuse_misspelt(table, classes)
+    frame = checked_frames(table, scene, classes)
     # an id in another class is another track
     table.refuse_second_box(frame, table["id"], table["class"])
     track_names = table["id"]
@@ -145,7 +137,25 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
     )
 
 
-def refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
+def checked_frames(table: RowTable, scene: Scene, classes: Sequence[str]) -> Ints:
+    """Return the frames [R] of the boxes in a table.
+
+    Raises DataError for other frames than those of the scene, impossible boxes and
+    misspelt classes.
+    """
+    frame = table.whole_numbers("frame")
+    problem = f"but the scene has the frames 0 to {scene.frames - 1}"
+    table.refuse(
+        (frame < 0) | (frame >= scene.frames),
+        lambda row: f"frame {frame[row]}, {problem}",
+        "frame",
+    )
+    check_ranges(table, positive_sizes=False)
+    _refuse_misspelt(table, classes)
+    return frame
+
+
+def _refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
     """Raise DataError for a class of the task in other letters ("vehicle.car")."""
     names = table["class"]
     for name in np.unique(names[~np.isin(names, classes)]).tolist():

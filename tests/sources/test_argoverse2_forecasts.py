@@ -89,7 +89,7 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
         f"log 'a-log', time {stamp(1)}: no list of up to 10000 objects, expected one for each frame, empty where"),
     "a dict of objects": (lambda content: content[LOG].update({stamp(1): {}}), "no list of up to 10000 objects"),
     "no dict": (lambda content: content[LOG].update({stamp(1): [3]}), "object 0: int, expected a dict"),
-    "no score": (lambda content: content[LOG][stamp(1)][1].pop("score"), "object 1: no key 'score'"),
+    "no score": (lambda content: content[LOG][stamp(1)][1].pop("score"), "object 1, score: NoneType, expected numbers"),
     "a flat forecast": (change(prediction_m=np.zeros(60)),
                         r"object 1, prediction_m: numbers of shape \(60,\), expected \(-1, -1, 2\)"),
     "no forecast": (change(prediction_m=None), "object 1, prediction_m: NoneType, expected numbers"),

@@ -369,7 +369,7 @@ def test_an_empty_table_has_no_objects(tmp_path: Path) -> None:
 
 
 WRONG_TABLES: dict[str, tuple[str, str]] = {  # content, what the error says
-    "after the end": (table(ROWS.replace("1,1,8", "4,1,8"), FULL), "line 4, column 'frame': frame 4, but the scene"),
+    "after the end": (table(ROWS.replace("1,1,8", "4,1,8"), FULL), "line 4, column 'frame': frame 4, but the scene has the frames 0 to 3"),
     "half a frame": (table(ROWS.replace("1,1,8", "1.5,1,8"), FULL), "line 4, column 'frame': 1.5, expected a whole"),
     "two places": (
         table(ROWS.replace("10,2,1,1.57,4,2,1.5,0.9,1", "10,3,1,1.57,4,2,1.5,0.9,1"), FULL),

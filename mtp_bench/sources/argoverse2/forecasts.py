@@ -63,11 +63,8 @@ def _object_of(item: Any, frame: int, where: str, origin: Floats) -> ObjectForec
 
     if not isinstance(item, dict):
         raise DataError(f"{where}: {type(item).__name__}, expected a dict")
-    for key in ("name", *_SHAPES):
-        if key not in item:
-            raise DataError(f"{where}: no key {key!r}")
     numbers = {
-        key: array_of(item[key], shape, f"{where}, {key}")
+        key: array_of(item.get(key), shape, f"{where}, {key}")
         for key, shape in _SHAPES.items()
     }
     centre = numbers["current_translation_m"]
@@ -75,7 +72,7 @@ def _object_of(item: Any, frame: int, where: str, origin: Floats) -> ObjectForec
         raise DataError(f"{where}: a place of {len(centre)} numbers, expected x y")
     # the height is that of the ego without one
     place = [*(centre - origin[: len(centre)]), 0.0][:3]
-    texts = (item["name"], item.get("instance_id", ""))
+    texts = (item.get("name"), item.get("instance_id"))
     # no other value: the text of a list of lists may never end
     name, identity = (
         str(text) if isinstance(text, str | int) else "" for text in texts
