@@ -25,10 +25,10 @@ from .base import (
     class_ids,
     usual_sizes,
 )
-from .files.columns import TRACKS, check_ranges
+from .files.columns import TRACKS
 from .files.scene import find_table
 from .readers import TableColumn, read_named_table
-from .stored_tracks import refuse_misspelt
+from .stored_tracks import checked_frames
 from .tables import RowTable, repeated
 
 MAX_STEPS = 100
@@ -83,21 +83,12 @@ def read_forecast_table(
 
     DataError names the line that is wrong.
     """
-    frame = table.whole_numbers("frame")
-    last_frame = scene.frames - 1
-    table.refuse(
-        (frame < 0) | (frame > last_frame),
-        lambda row: f"frame {frame[row]}, but the scene has 0 to {last_frame}",
-        "frame",
-    )
-    refuse_misspelt(table, classes)
-    weight = np.ones(len(table))
-    if "weight" in table:
-        weight = table["weight"]
-        table.refuse(weight <= 0, "expected a probability above 0", "weight")
+    frame = checked_frames(table, scene, classes)
+    weight = table.columns.get("weight", np.ones(len(table)))
+    table.refuse(weight <= 0, "expected a probability above 0", "weight")
     path = table.matrix(" ".join(_step_columns(table)))
     path = path.reshape(len(table), path.shape[1] // 2, 2)
-    identity = table["id"] if "id" in table else np.full(len(table), "")
+    identity = table.columns.get("id", np.full(len(table), ""))
     box = _boxes(table, classes)
     objects = [
         ObjectForecast(
@@ -172,7 +163,6 @@ def _boxes(objects: RowTable, classes: Sequence[str]) -> Floats:
             box[:, place] = objects[column.name]
     if "z" not in objects:
         box[:, 2] = box[:, 6] / 2
-    check_ranges(objects, positive_sizes=False)
     return box
 
 
