@@ -11,10 +11,8 @@ import numpy as np
 from ..agent import Tracks, check_action, make_action
 from ..cards import Card, path_digest, with_classes
 from ..core import (
-    Bools,
     DataError,
     Floats,
-    Ints,
     Rollout,
     Scene,
     Task,
@@ -163,7 +161,11 @@ class _Import:
         _, track_id = np.unique(stored.identity, return_inverse=True)
         actions = []
         for t in range(scene.frames):
-            rows = self._fitting(stored, (stored.frame == t) & (class_id >= 0))
+            rows = np.flatnonzero((stored.frame == t) & (class_id >= 0))
+            surplus = max(0, len(rows) - task.objects)
+            self._rows["objects beyond those that fit in a frame"] += surplus
+            order = np.argsort(-stored.confidence[rows], kind="stable")
+            rows = rows[np.sort(order[: task.objects])]
             tracked = rows[stored.identity[rows] != ""]
             # too large becomes inf, which fails a check
             with np.errstate(over="ignore"):
@@ -183,16 +185,6 @@ class _Import:
             self._rows["rejected rows"] += int(recorded.invalid.sum())
             actions.append(recorded)
         return assemble(scene.name, actions, np.zeros(scene.frames, dtype=np.int64))
-
-    def _fitting(self, stored: StoredForecasts, is_used: Bools) -> Ints:
-        """Return the rows that fit into an action, else the most confident of them."""
-        rows = np.flatnonzero(is_used)
-        surplus = len(rows) - self._task.objects
-        if surplus <= 0:
-            return rows
-        self._rows["objects beyond those that fit in a frame"] += surplus
-        order = np.argsort(-stored.confidence[rows], kind="stable")
-        return rows[order[: self._task.objects]]
 
     def _forecasts(self, stored: StoredForecasts) -> tuple[Floats, Floats]:
         """Return offsets [R, k, T, 2] m from the box, and their log-weights [R, k].

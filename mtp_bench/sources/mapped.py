@@ -5,6 +5,8 @@ import mmap
 import os
 import tempfile
 import zlib
+from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import IO
 
@@ -28,14 +30,16 @@ def read_keys(path: Path) -> dict[str, msgspec.Raw]:
     file, which the system loads and drops as needed. Raises DataError for a file that
     is missing, no such JSON, or above `MAX_BYTES`.
     """
-    with reading(path, "JSON"):
-        with open_regular(path) as stream:
-            is_packed = path.suffix == ".gz"
-            mapped = _unpacked(path, stream) if is_packed else _mapped(path, stream)
+    with reading(path, "JSON"), open_regular(path) as stream:
+        if path.suffix == ".gz":
+            packed = gzip.GzipFile(fileobj=stream)
+            mapped = _copied(path, iter(partial(packed.read, _CHUNK_BYTES), b""))
+        else:
+            mapped = _mapped(path, stream)
         try:
             return _keys(path, mapped)
         except DataError:
-            return _keys(path, _without_nan(path, mapped))
+            return _keys(path, _copied(path, map(as_json, _pieces(mapped))))
 
 
 def _keys(path: Path, mapped: mmap.mmap) -> dict[str, msgspec.Raw]:
@@ -50,27 +54,25 @@ def _mapped(path: Path, stream: IO[bytes]) -> mmap.mmap:
     return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
 
 
-def _without_nan(path: Path, mapped: mmap.mmap) -> mmap.mmap:
-    """Return a copy of a file, without numbers that are not JSON."""
+def _copied(path: Path, chunks: Iterable[bytes]) -> mmap.mmap:
+    """Return the content of a temporary file of ``chunks``."""
     with tempfile.TemporaryFile() as copy:
-        start = 0
-        while start < len(mapped):
-            # no word has a comma
-            end = mapped.find(b",", start + _CHUNK_BYTES) + 1 or len(mapped)
-            copy.write(as_json(mapped[start:end]))
-            start = end
+        try:
+            for chunk in chunks:
+                _require_size(path, copy.tell() + len(chunk))
+                copy.write(chunk)
+        except (EOFError, zlib.error) as error:
+            raise ValueError(str(error)) from None
         return _mapped(path, copy)
 
 
-def _unpacked(path: Path, stream: IO[bytes]) -> mmap.mmap:
-    with gzip.GzipFile(fileobj=stream) as packed, tempfile.TemporaryFile() as unpacked:
-        try:
-            while chunk := packed.read(_CHUNK_BYTES):
-                _require_size(path, unpacked.tell() + len(chunk))
-                unpacked.write(chunk)
-        except (EOFError, zlib.error) as error:
-            raise ValueError(str(error)) from None
-        return _mapped(path, unpacked)
+def _pieces(mapped: mmap.mmap) -> Iterator[bytes]:
+    """Yield a file in pieces that end at a comma, which is in no number."""
+    start = 0
+    while start < len(mapped):
+        end = mapped.find(b",", start + _CHUNK_BYTES) + 1 or len(mapped)
+        yield mapped[start:end]
+        start = end
 
 
 def _require_size(path: Path, size_bytes: int) -> None:

@@ -73,8 +73,8 @@ def test_a_page_shows_table_causes_moments_and_pictures(cli: CommandLine, files:
     assert output.status == 0, output.err
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     for text in (
-        f"<h2>{tmp_path / 'good'}</h2>",
-        f"<h2>{tmp_path / 'ghosts'}</h2>",
+        f"Worst moments of {tmp_path / 'good'}",
+        f"Worst moments of {tmp_path / 'ghosts'}",
         "Differences of agents",
         "All targets of 6 scenes",
         "<th",
@@ -90,4 +90,4 @@ def test_several_of_both_kinds_are_an_error(cli: CommandLine) -> None:
     kinds = ("--tracks", "a", "--tracks", "b", "--detections", "c", "--detections", "d")
     output = cli("compare", "given_tracks", *ON, *kinds)
     assert output.status == 2
-    assert "expected several files" in " ".join(output.err.split())
+    assert "got several, expected one" in " ".join(output.err.split())
