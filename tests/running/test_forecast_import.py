@@ -295,12 +295,24 @@ def test_a_constant_confidence(data: Path) -> None:
 
 
 def test_no_confidence_at_all(data: Path) -> None:
-    refused(data, driving(detection_score=None), "no object has a confidence, expected each")
+    refused(
+        data,
+        driving(detection_score=None),
+        "no object of car, pedestrian with a box, a confidence from 0 to 1 and places",
+    )
 
 
 def test_no_object_of_the_task(data: Path) -> None:
-    refused(data, driving(class_name="tram"), "no object of car, pedestrian in the 3 scenes that are scored")
-    refused(data, {token: [] for token in driving()}, "no object of car, pedestrian in the 3 scenes that are scored")
+    refused(
+        data,
+        driving(class_name="tram"),
+        "no object of car, pedestrian with a box, a confidence from 0 to 1 and places, expected",
+    )
+    refused(
+        data,
+        {token: [] for token in driving()},
+        "no object of car, pedestrian with a box, a confidence from 0 to 1 and places, expected",
+    )
 
 
 def test_a_missing_sample_and_a_missing_scene(data: Path) -> None:

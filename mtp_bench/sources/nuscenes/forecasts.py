@@ -4,7 +4,6 @@ A file is a JSON object with a list of objects for each sample, which may stand 
 ``results``.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -47,7 +46,7 @@ class ForecastObject(msgspec.Struct, gc=False):
 
     translation: Annotated[list[_Cell], msgspec.Meta(min_length=2, max_length=3)]
     size: tuple[_Cell, _Cell, _Cell] | None = None  # width, length, height
-    rotation: tuple[_Cell, _Cell, _Cell, _Cell] | None = None  # w x y z
+    rotation: tuple[_Cell, _Cell, _Cell, _Cell] = (1.0, 0.0, 0.0, 0.0)  # w x y z
     class_name: str | None = None
     detection_name: str | None = None
     tracking_name: str | None = None
@@ -148,7 +147,9 @@ def _object_of(
     score = item.tracking_score
     if score is None:
         score = item.detection_score
-    z = item.translation[2] if len(item.translation) > 2 else 0.0
+    place = (*item.translation, 0.0)[:3]
+    w, x, y, z = np.array(item.rotation, np.float64)
+    yaw = np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z)
     size: Sequence[_Cell] = sizes.get(name, (0.0,) * 3)
     if item.size is not None:
         width, length, height = item.size
@@ -161,20 +162,12 @@ def _object_of(
         frame=frame,
         where=where,
         class_name=name,
-        box=(*item.translation[:2], z, _heading(item), *size),
+        box=(*place, yaw, *size),
         confidence=score,
         path=path,
         log_weight=np.array(weights, dtype=np.float64),
         identity=str(item.tracking_id),
     )
-
-
-def _heading(item: ForecastObject) -> float:
-    """Return the heading of a box, rad; 0 without a rotation."""
-    if item.rotation is None:
-        return 0.0
-    w, x, y, z = (math.nan if number is None else number for number in item.rotation)
-    return math.atan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z)
 
 
 def _path_of(item: ForecastObject, form: _Form, where: str) -> Floats:
