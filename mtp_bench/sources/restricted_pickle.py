@@ -109,7 +109,7 @@ class _Reader(_Unpickler):  # type: ignore[misc]
         arguments = self.stack.pop()
         function = self.stack[-1]
         if function not in _KNOWN.values():
-            raise ValueError("it calls what is no function")
+            raise ValueError("it calls an object that is not a function")
         # a short file can give the same bytes to many calls
         texts = [value for value in arguments if isinstance(value, str | bytes)]
         self.bytes_left -= sum(map(len, texts))
@@ -129,7 +129,7 @@ class _Reader(_Unpickler):  # type: ignore[misc]
             if state[1] in ("<", ">"):
                 target.dtype = target.dtype.newbyteorder(state[1])
         else:
-            raise ValueError("it changes an object that is no array")
+            raise ValueError("it changes an object that is not an array")
 
     def load_bytearray8(self) -> None:
         """Read bytes; the one of `pickle` makes room for any length that is stated."""

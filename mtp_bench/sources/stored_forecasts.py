@@ -202,7 +202,7 @@ def missing_scene(path: Path, scene: str, problem: str) -> DataError:
     )
 
 
-class ObjectForecast(NamedTuple):
+class StoredForecast(NamedTuple):
     """Samples of an object of a file, in the terms of `StoredForecasts`."""
 
     frame: int
@@ -216,7 +216,7 @@ class ObjectForecast(NamedTuple):
 
 
 def stack_forecasts(
-    objects: Sequence[ObjectForecast], notes: Mapping[str, int], others: int
+    objects: Sequence[StoredForecast], notes: Mapping[str, int], others: int
 ) -> StoredForecasts:
     """Return the forecasts of all objects of a scene.
 

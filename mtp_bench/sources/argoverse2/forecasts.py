@@ -7,7 +7,7 @@ from typing import Any
 from ...cards import Card
 from ...core import DataError, Floats, Scene
 from ..base import DataRoot, ForecastForm, ReadForecasts, StoredForecasts, section_of
-from ..stored_forecasts import ObjectForecast, missing_scene, stack_forecasts
+from ..stored_forecasts import StoredForecast, missing_scene, stack_forecasts
 from .files import CATEGORIES, NEUTRAL, Argoverse2Source, Sweeps, log_folder
 
 _SHAPES = {  # of the arrays of an object, -1: any length
@@ -41,7 +41,7 @@ def _log_forecasts(
         raise missing_scene(path, scene.name, f"{len(logs)} other logs, but none")
     stride = section_of(card, Argoverse2Source).stride
     sweeps = Sweeps.read(log_folder(card, data, scene.name), stride)
-    objects: list[ObjectForecast] = []
+    objects: list[StoredForecast] = []
     for t, stamp in enumerate(sweeps.stamp[::stride].tolist()):
         where = f"{path}, log {scene.name!r}, time {stamp}"
         items = by_time.get(stamp)
@@ -57,7 +57,7 @@ def _log_forecasts(
     return stack_forecasts(objects, {}, sum(map(len, other_logs)))
 
 
-def _object_of(item: Any, frame: int, where: str, origin: Floats) -> ObjectForecast:
+def _object_of(item: Any, frame: int, where: str, origin: Floats) -> StoredForecast:
     """Return an object of the file, in the scene's frame of reference."""
     from ..restricted_pickle import array_of
 
@@ -77,7 +77,7 @@ def _object_of(item: Any, frame: int, where: str, origin: Floats) -> ObjectForec
     name, identity = (
         str(text) if isinstance(text, str | int) else "" for text in texts
     )
-    return ObjectForecast(
+    return StoredForecast(
         frame=frame,
         where=where,
         class_name=CATEGORIES.get(name, name).removeprefix(NEUTRAL),

@@ -25,7 +25,7 @@ from ..base import (
 from ..mapped import read_keys
 from ..stored_forecasts import (
     USUAL_SIZES,
-    ObjectForecast,
+    StoredForecast,
     missing_scene,
     stack_forecasts,
 )
@@ -111,7 +111,7 @@ def _scene_forecasts(
                 f"{len(tokens)} samples, empty where nothing is forecast,"
             )
             raise missing_scene(path, scene.name, problem)
-    objects: list[ObjectForecast] = []
+    objects: list[StoredForecast] = []
     without_size = 0
     classes = card.task.classes
     sizes = dict(zip(classes, usual_sizes(classes).tolist(), strict=True))
@@ -141,7 +141,7 @@ def _object_of(
     frame: int,
     where: str,
     sizes: Mapping[str, Sequence[float]],
-) -> ObjectForecast:
+) -> StoredForecast:
     """Return an object of the file; ``sizes``: usual l w h by class."""
     name = item.class_name or item.tracking_name or item.detection_name or ""
     score = item.tracking_score
@@ -158,7 +158,7 @@ def _object_of(
     weights = getattr(item, form.weights, None)
     if weights is None or not len(path):
         weights = [1.0] * len(path)
-    return ObjectForecast(
+    return StoredForecast(
         frame=frame,
         where=where,
         class_name=name,
