@@ -222,6 +222,10 @@ def stack_forecasts(
 
     Raises DataError for samples of different lengths, and too many.
     """
+
+    def column(name: str, kind: type) -> NDArray[Any]:
+        return np.array([getattr(item, name) for item in objects], kind)
+
     most = max((len(item.path) for item in objects), default=0)
     steps = max((item.path.shape[1] for item in objects), default=0)
     require_room((len(objects), most, steps), objects[0].where if objects else "")
@@ -241,13 +245,13 @@ def stack_forecasts(
         path[row, :samples] = item.path
         log_weight[row, :samples] = item.log_weight
     return StoredForecasts(
-        frame=np.array([item.frame for item in objects], dtype=np.int64),
-        class_name=np.array([item.class_name for item in objects], dtype=np.str_),
-        box=np.array([item.box for item in objects], np.float64).reshape(-1, 7),
-        confidence=np.array([item.confidence for item in objects], np.float64),
+        frame=column("frame", np.int64),
+        class_name=column("class_name", np.str_),
+        box=column("box", np.float64).reshape(-1, 7),
+        confidence=column("confidence", np.float64),
         path=path,
         log_weight=log_weight,
-        identity=np.array([item.identity for item in objects], dtype=np.str_),
+        identity=column("identity", np.str_),
         notes=notes,
         others=others,
     )

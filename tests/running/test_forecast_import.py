@@ -545,9 +545,8 @@ def test_stp_of_the_official_evaluation(data_root: Path, tmp_path: Path) -> None
     path = data_root.parent / "oracles/forecast_files/stp_mini_val_mfeval.json.gz"
     if not path.exists():
         pytest.skip(f"no {path.name}")
-    split = {"split": "mini_val"}
-    import_forecasts(path, ENV, "mfeval", tmp_path / "file", RunOptions(str(data_root), **split))
-    run("stp", ENV, tmp_path / "stp", data=str(data_root), **split)
+    import_forecasts(path, ENV, "mfeval", tmp_path / "file", RunOptions(str(data_root), split="mini_val"))
+    run("stp", ENV, tmp_path / "stp", data=str(data_root), split="mini_val")
     totals = []
     opened = [open_run(tmp_path / folder, str(data_root)) for folder in ("stp", "file")]
     for first, second in zip(*(run_scores(each).seeds[0] for each in opened), strict=True):

@@ -40,7 +40,7 @@ def unframed(value: Any, protocol: int) -> bytes:
     import io
 
     stream = io.BytesIO()
-    pickler: Any = pickle._Pickler(stream, protocol)  # type: ignore[attr-defined]
+    pickler: Any = pickle._Pickler(stream, protocol)
     pickler.framer.start_framing = lambda: None
     pickler.dump(value)
     return stream.getvalue()
@@ -63,8 +63,8 @@ def test_what_is_read(protocol: int, age: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(stored.box[0], [10, 4, 0, 0.5, 4, 2, 1.5])
     np.testing.assert_allclose(stored.box[2], [20, -10, 1, -1, 9, 3, 3])
     assert stored.path.shape == (4, 5, 6, 2)
-    np.testing.assert_allclose(stored.path[1, 0, [0, 5]], [[5, 4], [-7.5, 4]])
-    np.testing.assert_allclose(stored.path[1, 4, [0, 5]], [[6, 4], [-1.5, 4]])  # 0.6 times as fast
+    np.testing.assert_allclose(stored.path[1, 0, [0, 5]], np.array([[5, 4], [-7.5, 4]]))
+    np.testing.assert_allclose(stored.path[1, 4, [0, 5]], np.array([[6, 4], [-1.5, 4]]))  # 0.6 times as fast
     assert np.argmax(stored.log_weight, axis=1).tolist() == [1] * 4
     assert stored.others == 2
 

@@ -318,7 +318,7 @@ def test_a_folder_of_tables(suffix: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(stored.path[0], [[[10, 4], [10, 6]], [[10, 3], [10, 4]]])
     np.testing.assert_allclose(stored.path[1, 0], [[5, 5], [5, 5]])
     assert np.isnan(stored.path[1, 1]).all()
-    np.testing.assert_allclose(np.exp(stored.log_weight), [[0.75, 0.25], [1, 0]])
+    np.testing.assert_allclose(np.exp(stored.log_weight), [[0.75, 0.25], [1.0, 0.0]])
     assert not any(stored.notes.values())
 
 
