@@ -155,7 +155,6 @@ class _Import:
         self._classes.update(stored.class_name.tolist())
         self.samples = max(self.samples, stored.path.shape[1])
         self.steps = max(self.steps, stored.path.shape[2])
-        self._rows["objects without a confidence"] += np.isnan(stored.confidence).sum()
         class_id = class_ids(stored.class_name.tolist(), task.classes)
         offset, log_weight = self._forecasts(stored)
         _, track_id = np.unique(stored.identity, return_inverse=True)
@@ -221,13 +220,13 @@ class _Import:
         self, rollouts: Sequence[Rollout], constant_confidence: bool
     ) -> None:
         """Raise DataError for a file that is read in a wrong way, or has no order."""
-        if not any(self._classes[name] for name in self._task.classes):
+        confidence = np.concatenate([each.object_confidence for each in rollouts])
+        if not len(confidence):
             raise DataError(
-                f"{self._path}: no object of {', '.join(self._task.classes)} in the "
-                f"{counted(len(rollouts), 'scene')} that are scored"
+                f"{self._path}: no object of {', '.join(self._task.classes)} with a "
+                "box, a confidence from 0 to 1 and places within 327 m of it, expected "
+                "some; is it another --form, or another frame of reference?"
             )
-        if self._rows["objects without a confidence"] == self._classes.total():
-            raise DataError(f"{self._path}: no object has a confidence, expected each")
         ends = np.concatenate([each.forecast[:, :, [0, -1]] for each in rollouts])
         is_present = np.concatenate([each.forecast_log_weight for each in rollouts])
         end_m = np.hypot(*np.moveaxis(to_metres(ends), -1, 0))  # [S, K, 2]
@@ -251,7 +250,6 @@ class _Import:
                 "step of most moving objects is their present place; expected the "
                 "place after one period"
             )
-        confidence = np.concatenate([each.object_confidence for each in rollouts])
         if np.ptp(confidence) == 0 and len(confidence) > 1 and not constant_confidence:
             raise DataError(
                 f"{self._path}: each object has the confidence {confidence[0]:g}, so "

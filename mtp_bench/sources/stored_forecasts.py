@@ -5,14 +5,14 @@ Each source has forms of its dataset. For every source: a folder with a ``.csv``
 and sample, with the columns of `FORECASTS` and x1 y1 x2 y2 .. for the steps.
 """
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..cards import Card
 from ..core import DataError, Floats, Ints, Scene, file_stem
@@ -91,7 +91,7 @@ def read_forecast_table(
     identity = table.columns.get("id", np.full(len(table), ""))
     box = _boxes(table, classes)
     objects = [
-        ObjectForecast(
+        StoredForecast(
             frame=frame[rows[0]],
             where=table.where(rows[0]),
             class_name=table["class"][rows[0]],
@@ -228,7 +228,11 @@ def stack_forecasts(
 
     most = max((len(item.path) for item in objects), default=0)
     steps = max((item.path.shape[1] for item in objects), default=0)
-    require_room((len(objects), most, steps), objects[0].where if objects else "")
+    if len(objects) * most * steps > MAX_PLACES:
+        raise DataError(
+            f"{objects[0].where}: {len(objects)} objects of a scene with up to {most} "
+            f"samples of {steps} steps are above {MAX_PLACES} places, the limit"
+        )
     path = np.full((len(objects), most, steps, 2), np.nan)
     log_weight = np.full((len(objects), most), -np.inf)
     for row, item in enumerate(objects):
@@ -255,12 +259,3 @@ def stack_forecasts(
         notes=notes,
         others=others,
     )
-
-
-def require_room(shape: tuple[int, int, int], where: str) -> None:
-    """Raise DataError for too many objects, samples and steps in a scene."""
-    if math.prod(shape) > MAX_PLACES:
-        raise DataError(
-            f"{where}: {shape[0]} objects of a scene with up to {shape[1]} samples of "
-            f"{shape[2]} steps are above {MAX_PLACES} places, the limit"
-        )

@@ -306,12 +306,12 @@ def test_no_object_of_the_task(data: Path) -> None:
     refused(
         data,
         driving(class_name="tram"),
-        "no object of car, pedestrian with a box, a confidence from 0 to 1 and places, expected",
+        "no object of car, pedestrian with a box, a confidence from 0 to 1 and places within 327 m of it, expected",
     )
     refused(
         data,
         {token: [] for token in driving()},
-        "no object of car, pedestrian with a box, a confidence from 0 to 1 and places, expected",
+        "no object of car, pedestrian with a box, a confidence from 0 to 1 and places within 327 m of it, expected",
     )
 
 

@@ -258,7 +258,7 @@ def test_where_false_tracks_have_no_class_no_class_has_a_number_of_them(right: b
     fp, mota = tracking.all.FP, tracking.all.MOTA
     assert (fp, mota) == ((4, 0.0) if right else (8, -2.0))
     assert [(c.FP, c.MOTA, c.IDF1, c.HOTA) for c in tracking.classes.values()] == [(None,) * 4] * 2
-    assert sum(c.TP for c in tracking.classes.values()) == (4 if right else 0)
+    assert sum(c.TP or 0 for c in tracking.classes.values()) == (4 if right else 0)
 
 
 def test_a_neutral_box_is_left_to_the_track_that_fits_nothing_else() -> None:
