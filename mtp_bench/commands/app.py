@@ -63,19 +63,14 @@ class Commands(TyperGroup):
             function_name += "_"
         content = getattr(module, function_name)
         if isinstance(content, Typer):
-            group: Any = get_command(content)
-            for subcommand in group.commands.values():
-                _refuse_repeated_options(subcommand)
-            return group
+            return _refusing_repeated_options(get_command(content))
         from .options import with_expanded_options
 
         command_app = Typer(
             add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
         )
         command_app.command(cmd_name)(with_expanded_options(content))
-        command = get_command(command_app)
-        _refuse_repeated_options(command)
-        return command
+        return _refusing_repeated_options(get_command(command_app))
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the names and summaries without importing a command."""
@@ -118,11 +113,13 @@ class Commands(TyperGroup):
             raise
 
 
-def _refuse_repeated_options(command: Any) -> None:
-    """Make a command refuse an option that is given twice, unless it takes several.
+def _refusing_repeated_options(command: Any) -> Any:
+    """Return a command, or group, that refuses an option that is given twice.
 
-    Else the last one would count, without a word.
+    Else the last one would count, without a word. Some options take several.
     """
+    for subcommand in getattr(command, "commands", {}).values():
+        _refusing_repeated_options(subcommand)
     parse_args = command.parse_args
 
     def parse_args_once(ctx: Any, args: list[str]) -> list[str]:
@@ -135,6 +132,7 @@ def _refuse_repeated_options(command: Any) -> None:
         return parse_args(ctx, args)  # type: ignore[no-any-return]
 
     command.parse_args = parse_args_once
+    return command
 
 
 app = Typer(

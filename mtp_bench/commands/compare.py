@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Argument, BadParameter, Exit, Option
+from typer import Argument, Exit, Option
 
 from ..cards import Card
 from ..running import (
@@ -80,23 +80,20 @@ def compare(
 def _choices(
     on: AgentScenes, workers: WorkerChoice, seeds: Sequence[int]
 ) -> dict[str, RunOptions]:
-    """Return the options with each of several files, by the name of the file.
+    """Return the options with each of several files, by the path of the file.
 
-    Raises BadParameter for two files of one name, and for several of both kinds.
+    Raises BadParameter for several of both kinds.
     """
-    paths = on.tracks or []
-    varied = "tracks"
-    if len(paths) < 2:
-        paths = on.detections or []
-        varied = "detections"
+    files = {"tracks": on.tracks or [], "detections": on.detections or []}
+    varied = max(files, key=lambda name: len(files[name]))
+    paths = files[varied]
     if len(paths) < 2:
         return {"": on.options(workers, seeds)}
     choices = {}
     for path in paths:
         changes: dict[str, Any] = {varied: [path]}
-        choices[path.name] = replace(on, **changes).options(workers, seeds)
-    if len(choices) < len(paths):
-        raise BadParameter("expected different names", param_hint=f"--{varied}")
+        name = str(path).replace(" ", "_")  # behind a blank are parameters
+        choices[name] = replace(on, **changes).options(workers, seeds)
     return choices
 
 

@@ -138,8 +138,8 @@ def export(
     form: Annotated[
         ForecastForm | None,
         Option(
-            help="Form of forecasts: mfeval (of nuScenes, the default there), uniad or "
-            "table."
+            help="Form of forecasts: mfeval or uniad, a .json file of nuScenes, or "
+            "table, a folder. Default: mfeval for a .json file, else table."
         ),
     ] = None,
 ) -> None:

@@ -102,7 +102,7 @@ def compare_files(
 ) -> Comparison:
     """Compare agents on several files of tracks or detections, a row for each.
 
-    ``choices``: the options of a run by the name of its file. Agents that do not read
+    ``choices``: the options of a run by the path of its file. Agents that do not read
     such a file have one row. Each row is tested against each other; there are no
     controls. Raises MtpBenchError as `compare`, and if an agent fails.
     """
@@ -113,7 +113,6 @@ def compare_files(
     for name, options in choices.items():
         with EnvEvaluation.opened(f"comparing {name}", env_id, options, {}) as opened:
             evaluations.append(opened)
-            opened.card.require_same_scenes("in which agents read no file")
             for agent in agents:
                 setting = setting_of(submission_of(agent), opened.card)
                 reads_tracks = setting.observe == "tracks"
@@ -146,17 +145,15 @@ def _stored(
     without one of the scenes.
     """
     rows = []
-    for folder in folders:
-        (opened,) = open_runs([folder], evaluation.options.data, taken=taken)
+    for opened in open_runs(folders, evaluation.options.data, taken=taken):
         if opened.card.task != evaluation.card.task:
             raise RolloutError(
-                f"{folder}: made for {opened.card.id}, whose task is not that of "
+                f"{opened.folder}: made for {opened.card.id}, whose task is not that of "
                 f"{evaluation.card.id}"
             )
         rollouts = tuple(opened.first(scene) for scene in evaluation.scenes)
         chosen = replace(opened, run=replace(opened.run, rollouts=rollouts))
         rows.append(run_scores(chosen, evaluation.options.unchanged))
-        taken = [*taken, rows[-1].agent]
     return rows
 
 

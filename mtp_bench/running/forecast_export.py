@@ -12,7 +12,6 @@ from ..scoring import columns_to_rows, match, near_truth
 from ..sources import (
     BOX_COLUMNS,
     NuScenes,
-    NuScenesSource,
     lidar_pose,
     submission_box,
     table_path,
@@ -38,13 +37,13 @@ def export_forecasts(
     """Write the forecasts of a run, and return the objects written and left out.
 
     ``form``: "mfeval" or "uniad", a .json file of nuScenes, or "table", a folder with a
-    .parquet for each scene. None is the first for nuScenes, else the last. A form
+    .parquet for each scene. None: as the name fits. A form
     leaves out objects of other classes than its own. Raises CardError if the card or
     the name does not fit the form, and MtpBenchError for a folder that is not empty.
     """
     card = opened.card
     rollouts = opened.run.rollouts
-    form = form or ("mfeval" if isinstance(card.source, NuScenesSource) else "table")
+    form = form or ("mfeval" if path.suffix == ".json" else "table")
     if (form == "table") == (path.suffix == ".json"):
         raise CardError(
             f"{path}: the form is {form}; expected a .json file for mfeval or uniad, "

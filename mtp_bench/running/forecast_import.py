@@ -35,10 +35,6 @@ from .playing import library_versions
 from .rollout_files import RunInfo, save_run
 from .stored import OWN_DETECTIONS, heaviest_samples, require_free
 
-SHORT_CARDS = {  # environments of 3 s for those of other sources' horizons
-    "nuscenes": "MTP-nuScenes-3s-v0",
-    "argoverse2": "MTP-AV2-3s-v0",
-}
 PRESENT_M = 0.01  # from the box: a step that is the present place
 FAR_M = 5.0  # from the box: an object that moves
 LOST_M = 20.0  # from the box after one step: another frame of reference
@@ -94,9 +90,8 @@ def import_forecasts(
             progress.done(name)
         reader.require_plausible(rollouts, constant_confidence)
         samples = min(max(reader.samples, 1), env.task.samples)
-        if samples < env.task.samples:
-            # without the room for samples that no object has
-            rollouts = [heaviest_samples(rollout, samples) for rollout in rollouts]
+        # without the room for samples that no object has
+        rollouts = [heaviest_samples(rollout, samples) for rollout in rollouts]
         confidence = np.concatenate([each.object_confidence for each in rollouts])
         parameters = {
             "form": form,
@@ -142,7 +137,7 @@ class _Import:
                 f"{card.task.rate:g} Hz: expected a multiple; --rate states another one"
             )
         self._rows = Counter[str]()  # rows of the file by what happened to them
-        self._classes = Counter[str]()
+        self._classes = set[str]()
         self.samples = 0  # most of an object
         self.steps = 0
         self._others = 0
@@ -152,10 +147,12 @@ class _Import:
         task = self._task
         self._others = stored.others
         self._rows.update(stored.notes)
-        self._classes.update(stored.class_name.tolist())
         self.samples = max(self.samples, stored.path.shape[1])
         self.steps = max(self.steps, stored.path.shape[2])
         class_id = class_ids(stored.class_name.tolist(), task.classes)
+        self._classes.update(stored.class_name[class_id >= 0].tolist())
+        for name in stored.class_name[class_id < 0].tolist():
+            self._rows[f"objects of class {name or 'none'}, left out"] += 1
         offset, log_weight = self._forecasts(stored)
         _, track_id = np.unique(stored.identity, return_inverse=True)
         actions = []
@@ -201,11 +198,10 @@ class _Import:
             return np.zeros((objects, 1, future, 2)), np.zeros((objects, 1))
         if path.shape[2] < future:
             seconds = stored.path.shape[2] / self._rate
-            short = SHORT_CARDS.get(self._card.source.name)
-            advice = f"; {short} scores 3 s" if short else ""
             raise DataError(
                 f"{self._path}: its forecasts end after {seconds:g} s, "
-                f"{self._card.id} scores {future * self._task.dt:g} s{advice}"
+                f"{self._card.id} scores {future * self._task.dt:g} s; "
+                "MTP-nuScenes-3s-v0 and MTP-AV2-3s-v0 score 3 s"
             )
         order = np.argsort(-log_weight, axis=1, kind="stable")
         kept = np.sort(order[:, : self._task.samples], axis=1)
@@ -228,22 +224,23 @@ class _Import:
                 "some; is it another --form, or another frame of reference?"
             )
         ends = np.concatenate([each.forecast[:, :, [0, -1]] for each in rollouts])
-        is_present = np.concatenate([each.forecast_log_weight for each in rollouts])
+        log_weight = np.concatenate([each.forecast_log_weight for each in rollouts])
         end_m = np.hypot(*np.moveaxis(to_metres(ends), -1, 0))  # [S, K, 2]
-        end_m[np.isneginf(is_present)] = np.inf
+        end_m[np.isneginf(log_weight)] = np.nan
         first_m = end_m[..., 0]
-        is_lost = first_m.min(axis=1, initial=np.inf) > LOST_M
+        is_lost = np.fmin.reduce(first_m, axis=1) > LOST_M
         # coordinates in another frame are farther than forecasts may reach
         rejected = self._rows["rejected rows"]
         wrong = int(is_lost.sum()) + rejected
-        if wrong > _MAX_SHARE * (len(is_lost) + rejected):
+        row_count = len(is_lost) + rejected
+        if wrong > _MAX_SHARE * row_count:
             raise DataError(
-                f"{self._path}: {wrong} of {len(is_lost) + rejected} rows are wrong, "
+                f"{self._path}: {wrong} of {row_count} rows are wrong, "
                 f"most of them forecast more than {LOST_M:g} m away after one step: the "
                 "places are likely in another frame of reference (of the lidar or the "
                 "ego), or of another --form"
             )
-        moves = np.isfinite(end_m[..., 1]) & (end_m[..., 1] > FAR_M)
+        moves = end_m[..., 1] > FAR_M
         if (first_m[moves] < PRESENT_M).sum() > _MAX_SHARE * moves.sum():
             raise DataError(
                 f"{self._path}: the file seems to begin at the present, since the first "
@@ -286,19 +283,15 @@ class _Import:
             yield "no tracks: identity switches, MOTA and HOTA are not measured"
 
     def notes(self, own_detections: bool) -> Iterator[str]:
-        """Yield which classes are left out or lacking, and what else was counted."""
+        """Yield which classes are lacking, and what was counted."""
         names = self._task.classes
-        for name, number in self._classes.most_common():
-            if name not in names:
-                label = f"objects of class {name or 'none'}, left out"
-                self._rows[label] = number
-        missing = [name for name in names if not self._classes[name]]
+        missing = [name for name in names if name not in self._classes]
         if missing:
             yield (
                 f"no object is a {' or a '.join(missing)}: such targets count as "
                 "missed; --classes scores the classes that it has"
             )
-        self._rows["samples of other scenes"] = self._others
+        self._rows["samples or logs of other scenes"] = self._others
         yield from (
             f"{text}: {number}" for text, number in self._rows.items() if number
         )

@@ -240,9 +240,9 @@ def score(
     paths = [folders] if isinstance(folders, str | Path) else list(folders)
     if data is not None:
         options = replace(options, data=str(data))
+    if not paths:
+        raise RolloutError("no run, expected the folder of at least one")
     named = ", ".join(map(str, paths))
-    if len(set(map(str, paths))) < len(paths):
-        raise RolloutError(f"the runs are {named}, expected each once")
     with long_work(f"scoring {named}", progress=options.progress) as progress:
         options = replace(options, progress=progress)
         return score_opened(open_runs(paths, options.data, env_id, samples), options)
@@ -300,12 +300,10 @@ def open_runs(
 
     ``taken``: names of other agents in the table.
     """
-    if not folders:
-        raise RolloutError("no run, expected the folder of at least one")
     runs = [open_run(Path(folder), data, env) for folder in folders]
-    first = runs[0]
     for opened in runs:
-        if opened.card.id != first.card.id or opened.card.task != first.card.task:
+        first = runs[0]
+        if opened.card.task != first.card.task:
             raise RolloutError(
                 f"{opened.folder}: made for {opened.card.id} with another task than "
                 f"{first.folder} of {first.card.id}; score each alone"
@@ -338,12 +336,13 @@ def _relabelled(opened: OpenedRun, agent: str, samples: int | None) -> OpenedRun
 
 
 def heaviest_samples(rollout: Rollout, samples: int) -> Rollout:
-    """Return the rollout with the heaviest ``samples`` of each object.
+    """Return the rollout with the heaviest ``samples`` of each object, in their order.
 
     Of equal weights the first stay.
     """
     log_weight = rollout.forecast_log_weight
-    order = np.argsort(-log_weight, axis=1, kind="stable")[:, :samples]
+    order = np.argsort(-log_weight, axis=1, kind="stable")
+    order = np.sort(order[:, :samples], axis=1)
     kept_weight = np.take_along_axis(log_weight, order, axis=1)
     normalised = log_softmax(kept_weight, np.isfinite(kept_weight))
     forecast = np.take_along_axis(rollout.forecast, order[..., None, None], axis=1)

@@ -136,8 +136,8 @@ class StoredForecasts:
     path: Floats  # [R, K, S, 2] m, places after 1, 2, .. periods of the form
     log_weight: Floats  # [R, K], -inf: no such sample
     identity: NDArray[np.str_]  # [R] name of the track; empty: none
-    notes: Mapping[str, int] = field(default_factory=dict)  # what was counted
-    others: int = 0  # frames in the file of scenes that were not read so far
+    notes: Mapping[str, int]  # what was counted
+    others: int  # frames in the file of scenes that were not read so far
 
 
 ReadForecasts = Callable[[Scene], StoredForecasts]

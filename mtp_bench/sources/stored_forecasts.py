@@ -25,7 +25,7 @@ from .base import (
     class_ids,
     usual_sizes,
 )
-from .files.columns import TRACKS
+from .files.columns import BOX_COLUMNS, TRACKS
 from .files.scene import find_table
 from .readers import TableColumn, read_named_table
 from .stored_tracks import checked_frames
@@ -36,21 +36,18 @@ MAX_PLACES = 1 << 26  # in the samples of a scene
 USUAL_SIZES = "objects without a size, which have the usual one of their class"
 _USUAL = "usual size of the class"
 _OPTIONAL = {"z": "half of `h`", "yaw": "0", "l": _USUAL, "w": _USUAL, "h": _USUAL}
-_BOX = [column for column in TRACKS if column.name in ("x", "y", *_OPTIONAL)]
+_OF_TRACKS = {column.name: column for column in TRACKS}
+_BOX = [_OF_TRACKS[name] for name in BOX_COLUMNS]
 FORECASTS: tuple[TableColumn, ...] = (
     TableColumn("scene", "name of the scene", "each scene has a table", text=True),
-    TableColumn("frame", "whole number of the frame"),
+    _OF_TRACKS["frame"],
     TableColumn(
         "object",
         "whole number, one for each object within its frame",
         "`id`; without both, each row is an object",
     ),
-    TableColumn("id", "the track: a number or a word", "no tracks", text=True),
-    TableColumn(
-        "class",
-        "name of a class of the task; rows of other classes are skipped and counted",
-        text=True,
-    ),
+    replace(_OF_TRACKS["id"], without="no tracks"),
+    _OF_TRACKS["class"],
     *(replace(column, without=_OPTIONAL.get(column.name, "")) for column in _BOX),
     TableColumn("confidence", "probability that the object is there, 0 to 1"),
     TableColumn("mode", "whole number of the sample", "in the order of the rows"),

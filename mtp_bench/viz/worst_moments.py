@@ -1,7 +1,7 @@
 """The moments of a stored run that cost most, the parts of its error, and its doubts."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,9 +22,9 @@ class WorstMoments:
     rows: list[WorstRow]
     parts: Mapping[str, float]  # m, of the mean error of all targets
     cost: float  # m, of all targets, that moments have shares of
-    collisions: list[Listed] = field(default_factory=list)
-    doubts: list[Doubt] = field(default_factory=list)
-    unsplit: str = ""  # why the errors of forecasts are not split
+    collisions: list[Listed]
+    doubts: list[Doubt]
+    unsplit: str  # why the errors of forecasts are not split
 
 
 def worst_moments(

@@ -55,7 +55,7 @@ def test_each_file_has_a_row_and_the_planted_order_is_found(cli: CommandLine, fi
     assert output.status == 0, output.err
     content = read_json(tmp_path / "a.json")
     error = {row["agent"]: row["error"] for row in content["rows"] if row["subset"] == "all"}
-    order = [f"given_tracks:{name}" for name in ("good", "ids", "late", "ghosts")]
+    order = [f"given_tracks:{files / name}" for name in ("good", "ids", "late", "ghosts")]
     assert sorted(error, key=lambda name: error[name]) == order
     pairs = [row for row in content["paired"] if row["subset"] == "all"]
     assert len({frozenset((row["agent"], row["other"])) for row in pairs}) == 6

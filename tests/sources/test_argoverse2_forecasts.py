@@ -66,7 +66,7 @@ def test_what_is_read(protocol: int, age: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(stored.path[1, 0, [0, 5]], np.array([[5, 4], [-7.5, 4]]))
     np.testing.assert_allclose(stored.path[1, 4, [0, 5]], np.array([[6, 4], [-1.5, 4]]))  # 0.6 times as fast
     assert np.argmax(stored.log_weight, axis=1).tolist() == [1] * 4
-    assert stored.others == 2
+    assert stored.others == 1
 
 
 def change(**changes: Any) -> Callable[[Any], Any]:

@@ -53,8 +53,7 @@ def _log_forecasts(
         for number, item in enumerate(items):
             place = f"{where}, object {number}"
             objects.append(_object_of(item, t, place, sweeps.origin))
-    other_logs = [times for times in logs.values() if isinstance(times, dict)]
-    return stack_forecasts(objects, {}, sum(map(len, other_logs)))
+    return stack_forecasts(objects, {}, len(logs))
 
 
 def _object_of(item: Any, frame: int, where: str, origin: Floats) -> StoredForecast:
