@@ -57,19 +57,19 @@ def compare(
     if train:
         from .train import train_missing
 
-        train_missing(agents, env if isinstance(env, str) else env.id, options)
+        train_missing(playing, env if isinstance(env, str) else env.id, options)
     if options.card(env).drive is not None:
         _compare_driving(agents, env, options, shown, json_file)
         return
     if len(choices) > 1:
-        result = compare_files(agents, env, choices)
+        result = compare_files(playing, env, choices)
     else:
         full = shown.is_full or json_file is not None
         result = run_comparison(agents, env, options, full)
     content = result.report.to_json("condition", "paired", "details", "failures")
     doubt_texts = [f"{doubt.scene}: {doubt.line}" for doubt in doubts]
     write_json(json_file, content | {"skipped": result.skipped, "doubts": doubt_texts})
-    names = result.names(agents)
+    names = [*result.names(agents), *result.report.shown]
     show_report(result.report, counted(seeds, "seed"), result.skipped, shown, names)
     if len(choices) > 1:
         show_differences(result.report, shown)

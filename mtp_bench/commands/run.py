@@ -147,7 +147,7 @@ def export(
 
     Tracks are result files of KITTI, nuScenes or Argoverse 2, or tables.
     """
-    if forecasts:
+    if forecasts or form is not None:
         opened = open_run(folder, root, env)
         written, left_out = export_forecasts(opened, output, form)
         show(

@@ -83,6 +83,10 @@ def show_differences(report: Report, shown: Shown) -> None:
     """Print the differences of agents, which ``full`` prints with all tables."""
     if report.paired and not shown.full:
         show("\n" + to_text(paired_table(report)).rstrip())
+    samples = {row.samples for row in report.rows}
+    if len(samples) > 1:
+        advice = f"--samples {min(samples)} cuts all alike"
+        show_lines([f"Rows of {samples} samples are not compared: {advice}"])
 
 
 def _next_step() -> str:

@@ -12,7 +12,7 @@ from .maps import UNITS
 from .recording import NEVER, RecordedScene
 from .signs import Sign
 
-DOCTOR_VERSION = 8  # results of another one are made anew
+DOCTOR_VERSION = 9  # results of another one are made anew
 _MARGIN = 1.05  # of a limit above the largest healthy value
 
 

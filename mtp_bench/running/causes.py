@@ -57,7 +57,8 @@ def run_parts(
     """
     references, unsplit = _references(opened)
     run_text = (opened.folder / RUN_FILE).read_text(encoding="utf-8")
-    content = f"{__version__}|{DEFINITIONS}|{unsplit}|{run_text}"
+    samples = opened.run.info.samples  # may be fewer than the run has
+    content = f"{__version__}|{DEFINITIONS}|{unsplit}|{samples}|{run_text}"
     digest = hashlib.sha256(content.encode()).hexdigest()[:32]
     path = cache_root() / "causes" / f"{digest}.npz"
     scene_names = [rollout.scene for rollout in opened.run.rollouts]

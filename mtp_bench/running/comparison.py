@@ -13,7 +13,6 @@ from ..cards import Card
 from ..core import (
     SERIAL,
     MtpBenchError,
-    RolloutError,
     SubmissionError,
     baseline_names,
 )
@@ -60,7 +59,7 @@ class Comparison:
 
     def names(self, agents: Container[str]) -> list[str]:
         """Return the names of the agents, controls only if ``agents`` names them."""
-        names = dict.fromkeys(setting.submission.name for setting in self.settings)
+        names = self.report.shown
         return [name for name in names if name in agents or name not in control_names()]
 
     def __str__(self) -> str:
@@ -106,6 +105,8 @@ def compare_files(
     such a file have one row. Each row is tested against each other; there are no
     controls. Raises MtpBenchError as `compare`, and if an agent fails.
     """
+    submissions = [submission_of(agent) for agent in agents]
+    next(iter(choices.values())).require_tracks_used(submissions)
     varies_tracks = len({options.tracks for options in choices.values()}) > 1
     rows: dict[str, Any] = {}
     settings: list[Setting] = []
@@ -113,8 +114,8 @@ def compare_files(
     for name, options in choices.items():
         with EnvEvaluation.opened(f"comparing {name}", env_id, options, {}) as opened:
             evaluations.append(opened)
-            for agent in agents:
-                setting = setting_of(submission_of(agent), opened.card)
+            for submission in submissions:
+                setting = setting_of(submission, opened.card)
                 reads_tracks = setting.observe == "tracks"
                 is_read = reads_tracks if varies_tracks else setting.observe != "truth"
                 label = f"{setting.label}:{name}" if is_read else setting.label
@@ -125,6 +126,7 @@ def compare_files(
     scores = list(rows.values())
     first = evaluations[0]  # whose event weights count for all
     report, reference = first.report(scores, settings, with_each_other=True)
+    report = replace(report, shown=list(rows))
     skipped = total_skipped(scene.skipped for row in scores for scene in row.seeds[0])
     return Comparison(report, reference, tuple(settings), skipped)
 
@@ -141,16 +143,12 @@ def _stored(
 ) -> list[AgentScores]:
     """Return the scores of stored runs on the scenes of a comparison.
 
-    ``taken``: names of its agents. Raises RolloutError for a run of another card, or
-    without one of the scenes.
+    ``taken``: names of its agents. Raises RolloutError for a run of another task, and
+    UnknownNameError for one without one of the scenes.
     """
     rows = []
-    for opened in open_runs(folders, evaluation.options.data, taken=taken):
-        if opened.card.task != evaluation.card.task:
-            raise RolloutError(
-                f"{opened.folder}: made for {opened.card.id}, whose task is not that of "
-                f"{evaluation.card.id}"
-            )
+    data = evaluation.options.data
+    for opened in open_runs(folders, data, taken=taken, card=evaluation.card):
         rollouts = tuple(opened.first(scene) for scene in evaluation.scenes)
         chosen = replace(opened, run=replace(opened.run, rollouts=rollouts))
         rows.append(run_scores(chosen, evaluation.options.unchanged))

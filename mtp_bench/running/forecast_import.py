@@ -80,8 +80,8 @@ def import_forecasts(
         names = options.chosen(env.scene_names)
         source = open_source(card, options.data)
         read = forms[form].open(card, options.data, path)
-        steps_hz = rate or forms[form].rate or card.task.rate
-        reader = _Import(card, env.task, path, steps_hz)
+        rate_hz = rate or forms[form].rate or card.task.rate
+        reader = _Import(card, env.task, path, rate_hz)
         progress.started(len(names))
         rollouts = []
         for name in names:
@@ -96,9 +96,8 @@ def import_forecasts(
         parameters = {
             "form": form,
             "sha256": path_digest(path),
-            "rate": steps_hz,
             "modes": reader.samples,
-            "seconds": reader.steps / steps_hz,
+            "seconds": reader.steps / rate_hz,
             "least_confidence": round(float(confidence.min()), 6),
             OWN_DETECTIONS: own_detections,
         }
@@ -110,7 +109,8 @@ def import_forecasts(
                 samples=samples,
                 split=card.source.split,
                 keywords=options.changes,
-                agent=path.name.partition(".")[0].replace(" ", "_") or "file",
+                # no name of a baseline
+                agent=f"{path.name.partition('.')[0].replace(' ', '_')}.{form}",
                 parameters=parameters,
                 submission_digest="",
                 seed=0,
@@ -119,7 +119,7 @@ def import_forecasts(
                 card=card.stored(),
             )
             save_run(folder, info, rollouts)
-    return [*reader.lines(rollouts, parameters), *reader.notes(own_detections)]
+    return list(reader.lines(rollouts, parameters))
 
 
 class _Import:
@@ -152,9 +152,11 @@ class _Import:
         class_id = class_ids(stored.class_name.tolist(), task.classes)
         self._classes.update(stored.class_name[class_id >= 0].tolist())
         for name in stored.class_name[class_id < 0].tolist():
-            self._rows[f"objects of class {name or 'none'}, left out"] += 1
+            self._rows[f"objects of class {name or 'unknown'}, left out"] += 1
         offset, log_weight = self._forecasts(stored)
-        _, track_id = np.unique(stored.identity, return_inverse=True)
+        # an id in two classes is two tracks, as in files of tracks
+        names = np.char.add(np.char.add(stored.identity, "/"), stored.class_name)
+        _, track_id = np.unique(names, return_inverse=True)
         actions = []
         for t in range(scene.frames):
             rows = np.flatnonzero((stored.frame == t) & (class_id >= 0))
@@ -217,11 +219,11 @@ class _Import:
     ) -> None:
         """Raise DataError for a file that is read in a wrong way, or has no order."""
         confidence = np.concatenate([each.object_confidence for each in rollouts])
-        if not len(confidence):
+        if not len(confidence) or not self.steps:
             raise DataError(
                 f"{self._path}: no object of {', '.join(self._task.classes)} with a "
-                "box, a confidence from 0 to 1 and places within 327 m of it, expected "
-                "some; is it another --form, or another frame of reference?"
+                "box, a confidence from 0 to 1 and a forecast of places within 327 m, "
+                "expected some; is it another --form, or another frame of reference?"
             )
         ends = np.concatenate([each.forecast[:, :, [0, -1]] for each in rollouts])
         log_weight = np.concatenate([each.forecast_log_weight for each in rollouts])
@@ -230,15 +232,15 @@ class _Import:
         first_m = end_m[..., 0]
         is_lost = np.fmin.reduce(first_m, axis=1) > LOST_M
         # coordinates in another frame are farther than forecasts may reach
-        rejected = self._rows["rejected rows"]
+        rejected = sum(int(each.invalid[:, 2].sum()) for each in rollouts)
         wrong = int(is_lost.sum()) + rejected
         row_count = len(is_lost) + rejected
         if wrong > _MAX_SHARE * row_count:
             raise DataError(
-                f"{self._path}: {wrong} of {row_count} rows are wrong, "
-                f"most of them forecast more than {LOST_M:g} m away after one step: the "
-                "places are likely in another frame of reference (of the lidar or the "
-                "ego), or of another --form"
+                f"{self._path}: {wrong} of {row_count} objects are invalid, or forecast "
+                f"more than {LOST_M:g} m away after one step: the places are likely in "
+                "another frame of reference (of the lidar or the ego), or of another "
+                "--form"
             )
         moves = end_m[..., 1] > FAR_M
         if (first_m[moves] < PRESENT_M).sum() > _MAX_SHARE * moves.sum():
@@ -257,7 +259,7 @@ class _Import:
     def lines(
         self, rollouts: Sequence[Rollout], parameters: dict[str, Any]
     ) -> Iterator[str]:
-        """Yield what the file has, and which samples and classes are kept."""
+        """Yield what the file has, what is kept of it, and what was counted."""
         task = self._task
         yield (
             f"{self._path.name}, form {parameters['form']}: {self.steps} steps at "
@@ -270,22 +272,18 @@ class _Import:
             yield f"the {task.samples} heaviest samples of each object are kept"
         if self.samples < task.samples:
             yield (
-                f"{self.samples} of {task.samples} samples have larger errors: "
-                f"`mtp-bench score RUNS --samples {self.samples}` cuts all runs alike"
+                "fewer samples have larger errors: `mtp-bench score RUNS --samples "
+                f"{self.samples}` cuts all runs alike"
             )
         yield (
             f"{counted(sum(len(each.object_class) for each in rollouts), 'object')} in "
             f"{counted(sum(each.frames for each in rollouts), 'frame')} of "
-            f"{counted(len(rollouts), 'scene')}, none below the confidence "
+            f"{counted(len(rollouts), 'scene')}, the least confidence is "
             f"{parameters['least_confidence']:.3g}"
         )
         if not any(len(each.track_id) for each in rollouts):
             yield "no tracks: identity switches, MOTA and HOTA are not measured"
-
-    def notes(self, own_detections: bool) -> Iterator[str]:
-        """Yield which classes are lacking, and what was counted."""
-        names = self._task.classes
-        missing = [name for name in names if name not in self._classes]
+        missing = [name for name in task.classes if name not in self._classes]
         if missing:
             yield (
                 f"no object is a {' or a '.join(missing)}: such targets count as "
@@ -295,7 +293,11 @@ class _Import:
         yield from (
             f"{text}: {number}" for text, number in self._rows.items() if number
         )
-        detector = f"that of {self._card.detector_name}, not of the file"
-        if own_detections:
-            detector = "that of the file"
-        yield f"the detector's part of the error is {detector} (--own-detections)"
+        if parameters[OWN_DETECTIONS]:
+            yield "the objects of the file stand in for the detections"
+        else:
+            yield (
+                "the detector's part of the error is that of "
+                f"{self._card.detector_name}; --own-detections takes the objects of "
+                "the file as detections"
+            )

@@ -295,18 +295,19 @@ def open_runs(
     env: str | Card | None = None,
     samples: int | None = None,
     taken: Sequence[str] = (),
+    card: Card | None = None,
 ) -> list[OpenedRun]:
     """Open runs of one task for one table, see `score`.
 
-    ``taken``: names of other agents in the table.
+    ``taken``: names of other agents in the table, which is of the task of ``card``.
     """
     runs = [open_run(Path(folder), data, env) for folder in folders]
     for opened in runs:
-        first = runs[0]
-        if opened.card.task != first.card.task:
+        card = card or opened.card
+        if opened.card.task != card.task:
             raise RolloutError(
                 f"{opened.folder}: made for {opened.card.id} with another task than "
-                f"{first.folder} of {first.card.id}; score each alone"
+                f"the others, of {card.id}; score it alone"
             )
     agents = [*taken, *(opened.run.info.agent for opened in runs)]
     named_runs = []

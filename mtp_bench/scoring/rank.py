@@ -56,8 +56,8 @@ def why_unranked(budget: Budget, samples: int, observe: str) -> str | None:
 
     None if it is. ``samples``: number per object. ``observe``: mode of the env.
     """
-    if observe in _UNRANKED_MODES:
-        return _UNRANKED_MODES[observe]
+    if observe != "detections":
+        return _UNRANKED_MODES.get(observe, FROM_FILE)
     if budget != "equal":
         return f"{samples} samples per object, not the env's own k"
     return None

@@ -172,8 +172,9 @@ def _detections_text(tables: Sequence[AgentTable], card: Card) -> str:
     Detections of a user's own scenes are named as such: the stored name only says whose
     settings agents take.
     """
-    scenes = tables[0].setting.seeds[0] if tables else ()
-    detectors = Counter(score.detections for score in scenes)
+    detectors = Counter[str]()
+    for table in tables:
+        detectors |= Counter(score.detections for score in table.setting.seeds[0])
     if isinstance(card.source, FilesSource):
         stored = detectors.pop(f"{card.source.detector}, stored detections", 0)
         label = f"own detections, settings of {card.source.detector}"

@@ -4,7 +4,6 @@ import gzip
 import mmap
 import os
 import tempfile
-import zlib
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -17,10 +16,6 @@ from .text import as_json, decode, reading
 
 MAX_BYTES = 16 << 30  # of a file, and of what a compressed one unpacks to
 _CHUNK_BYTES = 1 << 24
-
-
-class _File(msgspec.Struct):
-    results: dict[str, msgspec.Raw] | None = None
 
 
 def read_keys(path: Path) -> dict[str, msgspec.Raw]:
@@ -43,8 +38,10 @@ def read_keys(path: Path) -> dict[str, msgspec.Raw]:
 
 
 def _keys(path: Path, mapped: mmap.mmap) -> dict[str, msgspec.Raw]:
-    results = decode(mapped, _File, path).results
-    return results or decode(mapped, dict[str, msgspec.Raw], path)
+    values = decode(mapped, dict[str, msgspec.Raw], path)
+    if "results" in values:
+        return decode(values["results"], dict[str, msgspec.Raw], path)
+    return values
 
 
 def _mapped(path: Path, stream: IO[bytes]) -> mmap.mmap:
@@ -57,12 +54,9 @@ def _mapped(path: Path, stream: IO[bytes]) -> mmap.mmap:
 def _copied(path: Path, chunks: Iterable[bytes]) -> mmap.mmap:
     """Return the content of a temporary file of ``chunks``."""
     with tempfile.TemporaryFile() as copy:
-        try:
-            for chunk in chunks:
-                _require_size(path, copy.tell() + len(chunk))
-                copy.write(chunk)
-        except (EOFError, zlib.error) as error:
-            raise ValueError(str(error)) from None
+        for chunk in chunks:
+            _require_size(path, copy.tell() + len(chunk))
+            copy.write(chunk)
         return _mapped(path, copy)
 
 

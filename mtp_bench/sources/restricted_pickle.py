@@ -9,6 +9,7 @@ import io
 import pickle
 import struct
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -84,6 +85,14 @@ _KNOWN: dict[tuple[str, str], Callable[..., Any]] = {
 }
 
 
+def _append_list(reader: Any, size: int) -> None:
+    """Make a list of the last values, in place of a tuple.
+
+    A list cannot be a key: the hash of tuples in tuples may never end.
+    """
+    reader.stack[-size:] = [reader.stack[-size:]]
+
+
 # the unpickler in Python, whose steps can be replaced one by one
 _Unpickler: Any = pickle._Unpickler
 
@@ -136,6 +145,9 @@ class _Reader(_Unpickler):  # type: ignore[misc]
         (length,) = struct.unpack("<Q", self.read(8))
         self.append(self.read(length))
 
+    for name, size in {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}.items():
+        dispatch[getattr(pickle, name)[0]] = partial(_append_list, size=size)
+    dispatch[pickle.TUPLE[0]] = dispatch[pickle.LIST[0]]
     dispatch[pickle.REDUCE[0]] = load_reduce
     dispatch[pickle.BUILD[0]] = load_build
     dispatch[pickle.BYTEARRAY8[0]] = load_bytearray8

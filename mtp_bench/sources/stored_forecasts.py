@@ -33,7 +33,6 @@ from .tables import RowTable, repeated
 
 MAX_STEPS = 100
 MAX_PLACES = 1 << 26  # in the samples of a scene
-USUAL_SIZES = "objects without a size, which have the usual one of their class"
 _USUAL = "usual size of the class"
 _OPTIONAL = {"z": "half of `h`", "yaw": "0", "l": _USUAL, "w": _USUAL, "h": _USUAL}
 _OF_TRACKS = {column.name: column for column in TRACKS}
@@ -103,7 +102,7 @@ def read_forecast_table(
     left_out = " ".join(name for name in _OPTIONAL if name not in table)
     notes = {}
     if left_out:
-        notes[f"objects without {left_out}, taken as usual"] = len(objects)
+        notes[f"objects without {left_out}, for which defaults stand in"] = len(objects)
     return stack_forecasts(objects, notes, 0)
 
 

@@ -2,6 +2,7 @@
 
 import codecs
 import re
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from mmap import mmap
@@ -33,6 +34,8 @@ def reading(path: Path, file_form: str) -> Iterator[None]:
         TypeError,
         LookupError,
         RecursionError,
+        EOFError,
+        zlib.error,
         msgspec.MsgspecError,
         ArrowException,
     )

@@ -35,6 +35,7 @@ from .rerun.viewer import (
     require_display as require_display,
     show_recording as show_recording,
 )
+from .run_moments import worst_moments as worst_moments
 from .run_replay import Replay as Replay, replay as replay
 from .studies.doubts import doubt_page as doubt_page
 from .studies.meeting import meeting_page as meeting_page
@@ -86,4 +87,3 @@ from .terminal.worst_table import (
     worst_json as worst_json,
     worst_table as worst_table,
 )
-from .worst_moments import worst_moments as worst_moments

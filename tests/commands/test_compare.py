@@ -69,7 +69,7 @@ def test_a_stored_run_has_the_same_table(mine: Path, cli: CommandLine, known: li
     latex = tmp_path / "table.tex"
     content = json.loads(cli.ok("score", tmp_path / "run", *known, "--json", "-", "--table", latex))
     assert latex.read_text().startswith("\\begin{table}\n\\caption{MTP-Small-v0, 2 scenes, 1 seed: m, less is better}")
-    assert list(content) == ["env", "definitions", "rows", "condition", "details", "skipped"]
+    assert list(content) == ["env", "definitions", "rows", "condition", "paired", "details", "skipped"]
     lines = score(tmp_path / "run", data=known[3], env_id=known[1]).report.per_scene()
     assert lines[0].keys() - json_keys.PER_SCENE.keys() < set(Row.model_fields)
     assert sum(line["bADE_sum"] for line in lines) == pytest.approx(

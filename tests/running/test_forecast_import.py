@@ -75,16 +75,16 @@ def test_the_run_and_what_is_said(data: Path) -> None:
     expected = """
         mine.json, form mfeval: 12 steps at 2 Hz (6 s), 6 samples an object; \
 MTP-nuScenes-mini-v0 takes 12 steps at 2 Hz and 10 samples
-        6 of 10 samples have larger errors: `mtp-bench score RUNS --samples 6` cuts all runs alike
-        24 objects in 12 frames of 3 scenes, none below the confidence 0.5
+        fewer samples have larger errors: `mtp-bench score RUNS --samples 6` cuts all runs alike
+        24 objects in 12 frames of 3 scenes, the least confidence is 0.5
         no tracks: identity switches, MOTA and HOTA are not measured
-        the detector's part of the error is that of megvii, not of the file (--own-detections)
+        the detector's part of the error is that of megvii; --own-detections takes the objects of the file as detections
     """
     assert lines == [line.strip() for line in expected.strip().splitlines()]
     stored = load_run(data.parent / "run")
-    assert (stored.info.agent, stored.info.observe, stored.info.samples) == ("mine", "file", 6)
+    assert (stored.info.agent, stored.info.observe, stored.info.samples) == ("mine.mfeval", "file", 6)
     assert stored.info.parameters == {
-        "form": "mfeval", "sha256": file_digest(data.parent / "mine.json"), "rate": 2.0, "modes": 6, "seconds": 6.0,
+        "form": "mfeval", "sha256": file_digest(data.parent / "mine.json"), "modes": 6, "seconds": 6.0,
         "least_confidence": 0.5, "own_detections": False,
     }  # fmt: skip
     assert str(data.parent) not in (data.parent / "run/run.json").read_text()
@@ -163,9 +163,9 @@ def test_other_classes_and_samples_are_counted(data: Path) -> None:
     content: Content = {**driving(), "elsewhere": [], "and-there": []}
     content[sample(SCENE, 0)] += [{**content[sample(SCENE, 0)][0], "class_name": name} for name in ("police", "")]
     lines = imported(data, content, names=(SCENE,))
-    assert {"objects of class police, left out: 1", "objects of class none, left out: 1"} <= set(lines)
+    assert {"objects of class police, left out: 1", "objects of class unknown, left out: 1"} <= set(lines)
     assert "samples or logs of other scenes: 10" in lines  # 8 of the other two scenes
-    assert any(line.startswith("8 objects in 4 frames of 1 scene, none below") for line in lines)
+    assert any(line.startswith("8 objects in 4 frames of 1 scene, the least confidence is") for line in lines)
 
 
 def test_a_class_that_is_missing_is_named(data: Path) -> None:
@@ -199,15 +199,18 @@ def test_rows_that_cannot_be_used_are_counted(case: str, data: Path) -> None:
     content[sample(SCENE, 2)][0] |= REJECTED[case]
     lines = imported(data, content)
     assert "rejected rows: 1" in lines
-    assert any(line.startswith("23 objects in 12 frames of 3 scenes, none below") for line in lines)
+    assert any(line.startswith("23 objects in 12 frames of 3 scenes, the least confidence is") for line in lines)
 
 
 def test_an_identity_twice_in_a_frame_is_counted(data: Path) -> None:
     objects = uniad()
     objects[1]["tracking_id"] = "7"
     lines = imported(mounted(data), results(objects), "uniad", names=(SCENE,))
+    assert not any(line.startswith("rejected rows") for line in lines), "an id in two classes is two tracks"
+    objects[1]["tracking_name"] = objects[0]["tracking_name"]
+    lines = imported(data, results(objects), "uniad", names=(SCENE,), force=True)
     assert any(line.startswith("rejected rows: ") for line in lines)
-    assert any(line.startswith("3 objects in 4 frames of 1 scene, none below") for line in lines)  # the forecasts stay
+    assert any(line.startswith("3 objects in 4 frames of 1 scene, the least confidence is") for line in lines)  # the forecasts stay
 
 
 def test_the_most_confident_objects_of_a_full_frame(data: Path) -> None:
@@ -226,7 +229,7 @@ def test_the_most_confident_objects_of_a_full_frame(data: Path) -> None:
 def test_another_frame_of_reference(data: Path) -> None:
     refused(
         data, moved(driving(), lambda traj, _: traj + np.array([0, 25])),
-        "24 of 24 rows are wrong, most of them forecast more than 20 m away after one step: the places are likely in "
+        "24 of 24 objects are invalid, or forecast more than 20 m away after one step: the places are likely in "
         r"another frame of reference \(of the lidar or the ego\), or of another --form",
     )  # fmt: skip
 
@@ -298,7 +301,7 @@ def test_no_confidence_at_all(data: Path) -> None:
     refused(
         data,
         driving(detection_score=None),
-        "no object of car, pedestrian with a box, a confidence from 0 to 1 and places",
+        "no object of car, pedestrian with a box, a confidence from 0 to 1 and a forecast",
     )
 
 
@@ -306,12 +309,12 @@ def test_no_object_of_the_task(data: Path) -> None:
     refused(
         data,
         driving(class_name="tram"),
-        "no object of car, pedestrian with a box, a confidence from 0 to 1 and places within 327 m of it, expected",
+        "no object of car, pedestrian with a box, a confidence from 0 to 1 and a forecast",
     )
     refused(
         data,
         {token: [] for token in driving()},
-        "no object of car, pedestrian with a box, a confidence from 0 to 1 and places within 327 m of it, expected",
+        "no object of car, pedestrian with a box, a confidence from 0 to 1 and a forecast",
     )
 
 
@@ -378,7 +381,7 @@ def test_a_pickle_of_argoverse2(tmp_path: Path) -> None:
         av2_import(tmp_path, av2(), card, tmp_path / "run")
     assert not (tmp_path / "run").exists()
     lines = av2_import(tmp_path, av2(), with_task(card, future=6), tmp_path / "run")
-    assert any(line.startswith("3 objects in 3 frames of 1 scene, none below") for line in lines)
+    assert any(line.startswith("3 objects in 3 frames of 1 scene, the least confidence is") for line in lines)
     assert "objects of class skipped, left out: 1" in lines
     assert "samples or logs of other scenes: 1" in lines
     rollout = load_run(tmp_path / "run").rollouts[0]
@@ -454,7 +457,7 @@ def row_of(folder: Path, kitti: str) -> dict[str, Any]:
 
 def test_a_run_as_tables_has_the_same_score(pair: tuple[Path, Path], kitti: str) -> None:
     first, second = (row_of(folder, kitti) for folder in pair)
-    assert second["agent"] == "tables"
+    assert second["agent"] == "tables.table"
     for name in ("error", "minADE", "minFDE", "coverage", "switches", "IDS", "MOTA"):
         if name in first:
             assert first[name] == second[name], name
@@ -472,7 +475,7 @@ def test_own_detections_stand_in_for_those_of_the_env(
     lines = import_forecasts(
         pair[0].parent / "tables", card, "table", tmp_path / "own", RunOptions(kitti), own_detections=True
     )
-    assert lines[-1] == "the detector's part of the error is that of the file (--own-detections)"
+    assert lines[-1] == "the objects of the file stand in for the detections"
     opened = open_run(tmp_path / "own", kitti)
     rollout = opened.first()
     recorded = opened.recorded(rollout.scene)

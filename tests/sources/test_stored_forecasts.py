@@ -83,7 +83,6 @@ def test_mfeval_has_no_boxes_and_no_tracks(tmp_path: Path) -> None:
     stored = read_form("mfeval", tmp_path, mfeval())
     np.testing.assert_allclose(stored.box[0], [10, 2, 0, 0, 4.5, 1.9, 1.65])  # the usual car
     assert stored.identity.tolist() == ["", "", ""]
-    assert stored.notes == {"objects without a size, which have the usual one of their class": 3}
 
 
 def test_logarithms_are_known_by_the_form(tmp_path: Path) -> None:
@@ -198,8 +197,8 @@ WRONG: dict[str, tuple[tuple[str, Callable[[Record], object]], str]] = {  # form
     "no place": (change("translation", [1.0]), r"sample 'scene-0003-t1', \[0\].translation: expected `array` of "),
     "a word as a score": (change("detection_score", "high"), r"\[0\].detection_score: expected `float .*, got `str`"),
     "a place of three numbers": (change("traj", [[[1, 2, 3]]]), r"t1', \[0\]\[0\]: expected `array` of length 2"),
-    "a ragged sample": (change("traj", [[[1, 2]], [[1, 2]] * 2]), r"t1': samples of \[1, 2\] places in an object"),
-    "empty samples": (change("traj", [[], [[1, 2]]]), r"t1': samples of \[0, 1\] places in an object"),
+    "a ragged sample": (change("traj", [[[1, 2]], [[1, 2]] * 2]), r"t1': samples of \[1, 2\] places in one object"),
+    "empty samples": (change("traj", [[], [[1, 2]]]), r"t1': samples of \[0, 1\] places in one object"),
     "words as places": (change("traj", [[["1", "2"]]]), r"\[0\]\[0\]\[0\]: expected `float .*, got `str`"),
     "objects as places": (change("traj", [[{"x": 1, "y": 2}]]), r"\[0\]\[0\]: expected `array`, got `object`"),
     "a number as samples": (change("traj", 5), "expected `array`, got `int`"),
@@ -350,7 +349,7 @@ def test_columns_that_are_left_out(tmp_path: Path) -> None:
     np.testing.assert_allclose(stored.box, [[10, 2, 0.825, 0, 4.5, 1.9, 1.65], [5, 5, 0.875, 0, 0.7, 0.7, 1.75]])
     assert stored.identity.tolist() == ["", ""]
     assert stored.log_weight.tolist() == [[0], [0]]
-    assert stored.notes == {"objects without z yaw l w h, taken as usual": 2}
+    assert stored.notes == {"objects without z yaw l w h, for which defaults stand in": 2}
 
 
 def test_without_numbers_of_objects_the_track_tells_them(tmp_path: Path) -> None:

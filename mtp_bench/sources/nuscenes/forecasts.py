@@ -24,7 +24,6 @@ from ..base import (
 )
 from ..mapped import read_keys
 from ..stored_forecasts import (
-    USUAL_SIZES,
     StoredForecast,
     missing_scene,
     stack_forecasts,
@@ -107,16 +106,14 @@ def _scene_forecasts(
             )
             raise missing_scene(path, scene.name, problem)
     objects: list[StoredForecast] = []
-    without_size = 0
     classes = card.task.classes
     sizes = dict(zip(classes, usual_sizes(classes).tolist(), strict=True))
     for t, token in enumerate(tokens):
         where = f"{path}, sample {token!r}"
         items = decode(samples.pop(token), list[ForecastObject], where)
-        without_size += sum(item.size is None for item in items)
         # arrays at once: the lists of a whole scene would keep the collector busy
         objects += [_object_of(item, form, t, where, sizes) for item in items]
-    stored = stack_forecasts(objects, {USUAL_SIZES: without_size}, len(samples))
+    stored = stack_forecasts(objects, {}, len(samples))
     if not form.are_logarithms:
         weight = np.maximum(stored.log_weight, 0)
         with np.errstate(divide="ignore"):
@@ -199,7 +196,8 @@ def _nested_places(content: msgspec.Raw, where: str) -> Floats:
         lengths = {len(path) for path in decode(content, _Samples, where)}
         if lengths - {0}:
             raise DataError(
-                f"{where}: samples of {sorted(lengths)} places in an object"
+                f"{where}: samples of {sorted(lengths)} places in one object, expected "
+                "equally many"
             )
     return np.zeros((0, 0, 2))
 

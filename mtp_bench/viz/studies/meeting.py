@@ -13,11 +13,11 @@ from ..drawing.report import report as drawn_report
 from ..focus import Focus
 from ..pages import data_uri
 from ..played import replays
+from ..run_moments import worst_moments
 from ..terminal.notes import warnings
 from ..terminal.tables import paired_table
 from ..terminal.verdict import verdict
 from ..terminal.worst_table import UNSPLIT, WORST_CAPTION, run_line, worst_table
-from ..worst_moments import worst_moments
 from .figures import DrawnFigure
 from .study import Study, study_page
 
@@ -43,7 +43,7 @@ def meeting_page(report: Report, runs: Sequence[OpenedRun]) -> str:
             findings.append(f"{agent}: {UNSPLIT.format(worst.unsplit)}")
         moments = worst_table(worst.rows[:_MOMENTS], worst.cost)
         title = f"Worst moments of {agent}"
-        tables[agent] = replace(moments, title=title, sentence=WORST_CAPTION)
+        tables[title] = replace(moments, title=title, sentence=WORST_CAPTION)
         for row in worst.rows[:_PICTURES]:
             (played,) = replays(opened, row.scene.name, NO_PROGRESS, no_doctor=True)
             focus = Focus(played, row.incident)
