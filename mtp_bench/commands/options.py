@@ -108,7 +108,7 @@ SplitOption = Annotated[
 TextOption = Annotated[
     Path | None, file_option("-o", "--output", text="Write here instead of printing.")
 ]
-FolderArgument = Annotated[Path, Argument(help="Folder written by `mtp-bench run`.")]
+FolderArgument = Annotated[Path, Argument(help="Folder of a stored run.")]
 TracksOption = Annotated[
     list[Path] | None,
     Option(

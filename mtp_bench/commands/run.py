@@ -35,7 +35,8 @@ from .output import prepare, write_json
 from .shown import Shown, show_differences, show_report
 
 _OFFICIAL = (
-    "Each program has its own targets and matching; its MR is that of matched targets."
+    "MFEval and UniAD choose and match targets in their own ways; MR counts matched "
+    "targets alone. The page docs/definitions/official.md defines each number."
 )
 
 
@@ -123,8 +124,8 @@ def export(
         Option(
             "-o",
             "--output",
-            help="nuScenes: a file (.json); Argoverse 2: a .feather file; "
-            "else a folder.",
+            help="Tracks of nuScenes: a .json file; of Argoverse 2: a .feather file; "
+            "else a folder. Forecasts: see --form.",
         ),
     ],
     table: Annotated[

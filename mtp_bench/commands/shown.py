@@ -86,7 +86,8 @@ def show_differences(report: Report, shown: Shown) -> None:
     samples = {row.samples for row in report.rows}
     if len(samples) > 1:
         advice = f"--samples {min(samples)} cuts all alike"
-        show_lines([f"Rows of {samples} samples are not compared: {advice}"])
+        numbers = " and ".join(map(str, sorted(samples)))
+        show_lines([f"Rows of {numbers} samples are not compared: {advice}"])
 
 
 def _next_step() -> str:

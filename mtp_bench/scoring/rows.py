@@ -369,18 +369,18 @@ class Details(AgentSetting):
     )
     bins: list[Bin] = described("Errors by distance, class and motion.")
     own: dict[str, Errors | None] = described(
-        "Errors where the agent itself has an event: shown, never ranked. null for an "
-        "agent that states no tracks."
+        "Errors where the agent itself has an event: shown, never ranked. Each is null "
+        "for an agent without tracks."
     )
     own_events: dict[str, int | None] = described(
-        "Number of the agent's own events, by kind; null for an agent that states no "
+        "Number of the agent's own events, by kind; each is null for an agent without "
         "tracks."
     )
     guessed_parents: float | None = described(
         "Share of frames in which the lineage of own events had to be guessed."
     )
     tracking: Tracking = described(
-        "Tracking numbers of the first seed; null for an agent that states no tracks."
+        "Tracking numbers of the first seed; each is null for an agent without tracks."
     )
     invalid: dict[str, int] = described(
         "Rejected rows of the agent's actions, by table."

@@ -32,7 +32,13 @@ def finished(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) ->
 @pytest.fixture(scope="module")
 def from_file(finished: Path) -> Path:
     """The same forecasts, as if they had been read from a file."""
-    changes = {"agent": "theirs", "observe": "file", "submission_digest": "", "folder": "", "parameters": {"form": "own"}}
+    changes = {
+        "agent": "theirs",
+        "observe": "file",
+        "submission_digest": "",
+        "folder": "",
+        "parameters": {"form": "own"},
+    }
     return _copied(finished, "file", changes, lambda rollout: rollout)
 
 

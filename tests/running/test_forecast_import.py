@@ -210,7 +210,9 @@ def test_an_identity_twice_in_a_frame_is_counted(data: Path) -> None:
     objects[1]["tracking_name"] = objects[0]["tracking_name"]
     lines = imported(data, results(objects), "uniad", names=(SCENE,), force=True)
     assert any(line.startswith("rejected rows: ") for line in lines)
-    assert any(line.startswith("3 objects in 4 frames of 1 scene, the least confidence is") for line in lines)  # the forecasts stay
+    assert any(
+        line.startswith("3 objects in 4 frames of 1 scene, the least confidence is") for line in lines
+    )  # the forecasts stay
 
 
 def test_the_most_confident_objects_of_a_full_frame(data: Path) -> None:
@@ -284,7 +286,13 @@ def test_a_short_forecast_names_the_card_of_3_s(rate: float, data: Path) -> None
 
 def test_vad_needs_a_card_of_3_s(data: Path) -> None:
     mounted(data)
-    refused(data, results(vad()), "end after 3 s, .* scores 6 s; MTP-nuScenes-3s-v0 and MTP-AV2-3s-v0 score 3 s", "vad", names=(SCENE,))
+    refused(
+        data,
+        results(vad()),
+        "end after 3 s, .* scores 6 s; MTP-nuScenes-3s-v0 and MTP-AV2-3s-v0 score 3 s",
+        "vad",
+        names=(SCENE,),
+    )
     imported(data, results(vad()), "vad", names=(SCENE,), env=with_task(nuscenes_card(), future=6))
     rollout = load_run(data.parent / "run").rollouts[0]
     assert rollout.forecast[0, 0, [0, 5]].tolist() == [[0, 200], [0, 1200]]
@@ -377,7 +385,9 @@ def av2_import(tmp_path: Path, content: Any, card: Card, folder: Path | None) ->
 
 def test_a_pickle_of_argoverse2(tmp_path: Path) -> None:
     card = with_source("MTP-AV2-v0", detector=None)
-    with pytest.raises(DataError, match="end after 3 s, MTP-AV2-v0 scores 6 s; MTP-nuScenes-3s-v0 and MTP-AV2-3s-v0 score 3 s"):
+    with pytest.raises(
+        DataError, match="end after 3 s, MTP-AV2-v0 scores 6 s; MTP-nuScenes-3s-v0 and MTP-AV2-3s-v0 score 3 s"
+    ):
         av2_import(tmp_path, av2(), card, tmp_path / "run")
     assert not (tmp_path / "run").exists()
     lines = av2_import(tmp_path, av2(), with_task(card, future=6), tmp_path / "run")
