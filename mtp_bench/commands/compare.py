@@ -62,14 +62,14 @@ def compare(
         _compare_driving(agents, env, options, shown, json_file)
         return
     if len(choices) > 1:
-        result = compare_files(playing, env, choices)
+        result = compare_files(agents, env, choices)
     else:
         full = shown.is_full or json_file is not None
         result = run_comparison(agents, env, options, full)
     content = result.report.to_json("condition", "paired", "details", "failures")
     doubt_texts = [f"{doubt.scene}: {doubt.line}" for doubt in doubts]
     write_json(json_file, content | {"skipped": result.skipped, "doubts": doubt_texts})
-    names = [*result.names(agents), *result.report.shown]
+    names = result.names(agents)
     show_report(result.report, counted(seeds, "seed"), result.skipped, shown, names)
     if len(choices) > 1:
         show_differences(result.report, shown)

@@ -229,8 +229,8 @@ def score(
     """Score runs that `run` or an import stored, each in a folder of ``folders``.
 
     Several runs stand in one table, each tested against each other. An agent that
-    occurs twice has the path of its folder as name. ``data``: data root. ``options``: data and
-    workers; everything else is stored with the runs. ``env_id``: id, path or card, if
+    occurs twice has the path of its folder as name. ``data``: data root. ``options``:
+    data and workers; everything else is stored with the runs. ``env_id``: id, path or card, if
     it is not the card stored with a run. ``samples``: only so many of the heaviest
     samples of each object count, since fewer samples have larger errors. Raises
     RolloutError if a run was made for another version of the card, contradicts its

@@ -91,3 +91,15 @@ def test_several_of_both_kinds_are_an_error(cli: CommandLine) -> None:
     output = cli("compare", "given_tracks", *ON, *kinds)
     assert output.status == 2
     assert "got several, expected one" in " ".join(output.err.split())
+
+
+def test_a_stored_run_beside_several_files_is_an_error(cli: CommandLine, files: Path) -> None:
+    error = cli("compare", files / "run", *ON, "--tracks", files / "good", "--tracks", files / "ids").error
+    assert "run is not a submission" in error
+
+
+def test_the_verdict_is_of_the_run_that_was_asked_for(cli: CommandLine, files: Path) -> None:
+    printed = cli("compare", "blind", files / "run", *ON, "--seeds", 1).out
+    (verdict,) = [text for text in " ".join(printed.split()).split(". ") if text.startswith("Over all targets")]
+    assert "stp_neighbours" not in verdict
+    assert str(files / "run") in verdict.replace(" ", ""), "lines break at hyphens"
