@@ -90,7 +90,7 @@ def take(shot: Shot, path: Path) -> str:
             opened.first(), opened.drawn(opened.first().scene)
         )
     events = [
-        Listed.of(run, each, "run", None, None)
+        Listed.of(run, each, "run", None)
         for each in run.incidents
         if each.kind == shot.kind
     ]

@@ -32,6 +32,6 @@ def test_the_tracker_of_the_page_tracks(repository: Path, card: str, kitti: str)
 
 def test_stored_tracks_are_shown(repository: Path, card: str, kitti: str, tmp_path: Path) -> None:
     stored.run("stp", card, tmp_path / "run", RunOptions(kitti))
-    export_tracks(open_run(tmp_path / "run", kitti, card), tmp_path / "tracks")
+    export_tracks(open_run(tmp_path / "run", kitti), tmp_path / "tracks")
     first_ids = names_of(repository / "docs/data/stored_tracks.md")["first_ids"]
     assert sorted(first_ids(card, kitti, str(tmp_path / "tracks"))) == [0, 1, 2]

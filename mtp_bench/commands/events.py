@@ -30,7 +30,6 @@ from .options import (
     FolderArgument,
     JsonOption,
     NoDoctorOption,
-    RunCardOption,
     choice,
 )
 from .output import write_json
@@ -52,7 +51,6 @@ def events(
     sort: Annotated[str, _SORT] = "time",
     top: Annotated[int | None, Option(min=1, help="Only the first N.")] = None,
     root: DataOption = None,
-    env: RunCardOption = None,
     no_doctor: NoDoctorOption = False,
     json_file: JsonOption = None,
 ) -> None:
@@ -62,12 +60,12 @@ def events(
     """
     all_rows = list[Listed]()
     with long_work("finding events") as progress:
-        opened = open_run(folder, root, env)
+        opened = open_run(folder, root)
         tally = Tally(any(len(rollout.track_id) for rollout in opened.rollouts()))
         for played in replays(opened, scene, progress, no_doctor):
             tally.add(played)
             for incident in played.incidents:
-                all_rows.append(Listed.of(played, incident, str(folder), root, env))
+                all_rows.append(Listed.of(played, incident, str(folder), root))
     rows = [row for row in all_rows if kind is None or row.incident.kind in kind]
     rows = in_order(rows, sort)[:top]
     content = events_json(rows, tally, opened.card.id, opened.run.info.agent)

@@ -118,10 +118,6 @@ TracksOption = Annotated[
         "(.txt) or tables (.csv, .parquet), one per scene. `compare` takes several.",
     ),
 ]
-RunCardOption = Annotated[
-    str | None,
-    Option("--env", help="Another card than the one that the run keeps."),
-]
 NoDoctorOption = Annotated[bool, Option("--no-doctor", help="Do not examine the data.")]
 SubmissionArgument = Annotated[
     str,

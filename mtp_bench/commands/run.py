@@ -26,7 +26,6 @@ from .options import (
     DataOption,
     FolderArgument,
     JsonOption,
-    RunCardOption,
     SubmissionArgument,
     WorkerChoice,
     file_option,
@@ -71,7 +70,6 @@ def score(
     ],
     shown: Shown,
     root: DataOption = None,
-    env: RunCardOption = None,
     samples: Annotated[
         int | None,
         Option(min=1, help="Count only so many of each object's heaviest samples."),
@@ -97,7 +95,7 @@ def score(
     title = ", ".join(folder.name for folder in folders)
     rows = []
     with long_work(f"scoring {title}") as progress:
-        runs = open_runs(folders, root, env, samples)
+        runs = open_runs(folders, root, samples=samples)
         if official:
             rows = [row for opened in runs for row in official_scores(opened)]
         scored = score_opened(runs, RunOptions(root, progress=progress))
@@ -125,22 +123,18 @@ def export(
             "-o",
             "--output",
             help="Tracks of nuScenes: a .json file; of Argoverse 2: a .feather file; "
-            "else a folder. Forecasts: see --form.",
+            "else a folder.",
         ),
     ],
-    table: Annotated[
-        bool, Option("--table", help="Tables: a folder with a .csv for each scene.")
-    ] = False,
     root: DataOption = None,
-    env: RunCardOption = None,
     forecasts: Annotated[
         bool, Option("--forecasts", help="The forecasts in place of the tracks.")
     ] = False,
     form: Annotated[
         ForecastForm | None,
         Option(
-            help="Form of forecasts: mfeval or uniad, a .json file of nuScenes, or "
-            "table, a folder. Default: mfeval for a .json file, else table."
+            help="table: a folder with a table for each scene. mfeval and uniad: "
+            "forecasts in a .json file. Default: as the name of the output."
         ),
     ] = None,
 ) -> None:
@@ -148,12 +142,12 @@ def export(
 
     Tracks are result files of KITTI, nuScenes or Argoverse 2, or tables.
     """
-    if forecasts or form is not None:
-        opened = open_run(folder, root, env)
+    if forecasts or form not in (None, "table"):
+        opened = open_run(folder, root)
         written, left_out = export_forecasts(opened, output, form)
         show(
             f"{output}: {counted(written, 'object')}; left out: {left_out} of other classes"
         )
         return
-    boxes = export_tracks(open_run(folder, root, env), output, table)
+    boxes = export_tracks(open_run(folder, root), output, form == "table")
     show(f"{output}: {counted(boxes, 'tracked position')}")

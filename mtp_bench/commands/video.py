@@ -20,7 +20,7 @@ from ..viz import (
     show,
     write_video,
 )
-from .options import DataOption, FolderArgument, RunCardOption, file_option
+from .options import DataOption, FolderArgument, file_option
 from .output import say
 
 _OUTPUT = file_option(
@@ -40,12 +40,11 @@ def video(
     at: Annotated[str | None, _AT] = None,
     fps: Annotated[float | None, _FPS] = None,
     root: DataOption = None,
-    env: RunCardOption = None,
 ) -> None:
     """Write a scene of a stored rollout as a video, seen from above."""
     require_encoder(output.suffix.lower())
     with long_work("drawing the video") as progress:
-        opened = open_run(folder, root, env)
+        opened = open_run(folder, root)
         rollout = opened.first(scene)
         content = opened.drawn(rollout.scene, say)
         rate_hz = opened.card.task.rate

@@ -25,7 +25,7 @@ from ..viz import (
     sentence,
     show,
 )
-from .options import DataOption, NoDoctorOption, RunCardOption, file_option
+from .options import DataOption, NoDoctorOption, file_option
 from .output import say
 
 _FOLDERS = Argument(
@@ -52,7 +52,6 @@ def view(
     save: Annotated[Path | None, _SAVE] = None,
     png: Annotated[Path | None, _PNG] = None,
     root: DataOption = None,
-    env: RunCardOption = None,
     no_doctor: NoDoctorOption = False,
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
@@ -64,7 +63,7 @@ def view(
             "them",
             param_hint="--png",
         )
-    runs = open_runs(folders, root, env)
+    runs = open_runs(folders, root)
     if png is None:
         with long_work("loading rerun"):
             from ..viz import (

@@ -29,7 +29,6 @@ from .options import (
     FolderArgument,
     JsonOption,
     NoDoctorOption,
-    RunCardOption,
     choice,
     one_of,
 )
@@ -55,21 +54,19 @@ def worst(
     within: Annotated[float | None, _WITHIN] = None,
     top: Annotated[int, Option(min=1, help="How many.")] = 20,
     root: DataOption = None,
-    env: RunCardOption = None,
     no_doctor: NoDoctorOption = False,
     json_file: JsonOption = None,
 ) -> None:
     """List the worst moments of a run: whose fault each was, and how to look at it."""
     is_below = cause in (BELOW_THRESHOLD, "confidence")
     with long_work("finding the worst moments") as progress:
-        opened = open_run(folder, root, env)
+        opened = open_run(folder, root)
         _check_filters(opened, class_name, within)
         worst_of_run = worst_moments(
             opened,
             scene,
             is_below=is_below,
             no_doctor=no_doctor,
-            env=env,
             progress=progress,
         )
     rows = worst_of_run.rows

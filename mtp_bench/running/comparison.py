@@ -148,7 +148,7 @@ def _stored(
     """
     rows = []
     data = evaluation.options.data
-    for opened in open_runs(folders, data, taken=taken, card=evaluation.card):
+    for opened in open_runs(folders, data, taken=taken, like=evaluation.card):
         rollouts = tuple(opened.first(scene) for scene in evaluation.scenes)
         chosen = replace(opened, run=replace(opened.run, rollouts=rollouts))
         rows.append(run_scores(chosen, evaluation.options.unchanged))

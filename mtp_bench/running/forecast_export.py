@@ -126,6 +126,8 @@ def _table(rollout: Rollout, opened: OpenedRun) -> dict[str, NDArray[Any]]:
         "mode": sample,
         "weight": weight[row, sample],
     }
+    if not len(rollout.track_id):
+        del columns["id"]
     place = box[:, None, :2] + to_metres(rollout.forecast[row, sample])
     for step, (x, y) in enumerate(place.transpose(1, 2, 0), start=1):
         columns[f"x{step}"] = x

@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -16,10 +16,10 @@ from ..core import (
     Rollout,
     Scene,
     Task,
+    clean_text,
     counted,
     long_work,
     require_known,
-    to_metres,
 )
 from ..env import MTPEnv, assemble, record_action
 from ..scoring import DEFINITIONS
@@ -30,15 +30,14 @@ from ..sources import (
     open_source,
     package_of,
 )
-from .options import DEFAULTS, RunOptions
+from .forecast_signs import ForecastSigns
+from .options import DEFAULTS, RunKeywords, RunOptions, resolve_options
 from .playing import library_versions
 from .rollout_files import RunInfo, save_run
-from .stored import OWN_DETECTIONS, heaviest_samples, require_free
+from .settings import require_list
+from .stored import OWN_DETECTIONS, heaviest, heaviest_samples, require_free
 
-PRESENT_M = 0.01  # from the box: a step that is the present place
-FAR_M = 5.0  # from the box: an object that moves
-LOST_M = 20.0  # from the box after one step: another frame of reference
-_MAX_SHARE = 0.5  # of objects or samples with such a fault
+_MOST_LETTERS = 200  # of the names of classes that are left out
 
 
 def import_forecasts(
@@ -53,6 +52,7 @@ def import_forecasts(
     own_detections: bool = False,
     classes: Sequence[str] | None = None,
     force: bool = False,
+    **keywords: Unpack[RunKeywords],
 ) -> list[str]:
     """Store the forecasts in a file as a run in ``folder``; None: only check them.
 
@@ -61,17 +61,19 @@ def import_forecasts(
     which all objects are equally sure. ``own_detections``: the objects of the file
     stand in for the env's detections, so that the detector's part of the error is that
     of the file. ``classes``: only targets of these classes of the env are scored.
-    ``force``: replace an earlier run. Such a run is never ranked. Returns lines that
-    say what was read and how it was understood. Raises DataError, with nothing written, for
+    ``force``: replace an earlier run. ``keywords`` as in `evaluate`. Such a run is never
+    ranked. Returns lines that say what was read and how it was understood. Raises DataError, with nothing written, for
     a file that is wrong, of another form, frame of reference, rate or horizon, and
     MtpBenchError for a ``folder`` that holds something else.
     """
     path = Path(file).expanduser().absolute()
     if folder is not None:
         require_free(Path(folder), force)
+    env_id, options = resolve_options(env_id, options, keywords)
     card = options.card(env_id)
     card.require_same_scenes("which has no stored forecasts", "let an agent drive")
     if classes is not None:
+        require_list(classes)
         card = with_classes(card, classes)
     forms = forecast_forms(package_of(card))
     require_known(f"form of forecasts on {card.source.name}", form, forms)
@@ -130,14 +132,17 @@ class _Import:
         self._task = task
         self._path = path
         self._rate = rate
-        self._stride = round(rate / card.task.rate)
-        if not math.isclose(max(self._stride, 1) * card.task.rate, rate, rel_tol=1e-3):
+        self._stride = 1
+        if math.isfinite(rate):
+            self._stride = max(1, round(rate / card.task.rate))
+        if not math.isclose(self._stride * card.task.rate, rate, rel_tol=1e-3):
             raise DataError(
                 f"{path}: its steps are at {rate:g} Hz, those of {card.id} at "
                 f"{card.task.rate:g} Hz: expected a multiple; --rate states another one"
             )
         self._rows = Counter[str]()  # rows of the file by what happened to them
-        self._classes = set[str]()
+        self._classes = Counter[str]()  # objects by class, also of no class of the task
+        self._signs = ForecastSigns(card.task.rate)
         self.samples = 0  # most of an object
         self.steps = 0
         self._others = 0
@@ -149,22 +154,23 @@ class _Import:
         self._rows.update(stored.notes)
         self.samples = max(self.samples, stored.path.shape[1])
         self.steps = max(self.steps, stored.path.shape[2])
+        self._classes.update(stored.class_name.tolist())
+        stored = stored.select(np.isin(stored.class_name, task.classes))
         class_id = class_ids(stored.class_name.tolist(), task.classes)
-        self._classes.update(stored.class_name[class_id >= 0].tolist())
-        for name in stored.class_name[class_id < 0].tolist():
-            self._rows[f"objects of class {name or 'unknown'}, left out"] += 1
         offset, log_weight = self._forecasts(stored)
         # an id in two classes is two tracks, as in files of tracks
         names = np.char.add(np.char.add(stored.identity, "/"), stored.class_name)
         _, track_id = np.unique(names, return_inverse=True)
+        track_id[stored.identity == ""] = -1
+        self._signs.add(stored, offset, log_weight, track_id, scene.detections)
         actions = []
         for t in range(scene.frames):
-            rows = np.flatnonzero((stored.frame == t) & (class_id >= 0))
+            rows = np.flatnonzero(stored.frame == t)
             surplus = max(0, len(rows) - task.objects)
             self._rows["objects beyond those that fit in a frame"] += surplus
             order = np.argsort(-stored.confidence[rows], kind="stable")
             rows = rows[np.sort(order[: task.objects])]
-            tracked = rows[stored.identity[rows] != ""]
+            tracked = rows[track_id[rows] >= 0]
             # too large becomes inf, which fails a check
             with np.errstate(over="ignore"):
                 action = make_action(
@@ -205,8 +211,7 @@ class _Import:
                 f"{self._card.id} scores {future * self._task.dt:g} s; "
                 "MTP-nuScenes-3s-v0 and MTP-AV2-3s-v0 score 3 s"
             )
-        order = np.argsort(-log_weight, axis=1, kind="stable")
-        kept = np.sort(order[:, : self._task.samples], axis=1)
+        kept = heaviest(log_weight, self._task.samples)
         log_weight = np.take_along_axis(log_weight, kept, axis=1)
         path = np.take_along_axis(path, kept[..., None, None], axis=1)
         offset = path - stored.box[:, None, None, :2]
@@ -218,36 +223,14 @@ class _Import:
         self, rollouts: Sequence[Rollout], constant_confidence: bool
     ) -> None:
         """Raise DataError for a file that is read in a wrong way, or has no order."""
+        for problem in self._signs.problems():
+            raise DataError(f"{self._path}: {problem}")
         confidence = np.concatenate([each.object_confidence for each in rollouts])
         if not len(confidence) or not self.steps:
             raise DataError(
                 f"{self._path}: no object of {', '.join(self._task.classes)} with a "
                 "box, a confidence from 0 to 1 and a forecast of places within 327 m, "
-                "expected some; is it another --form, or another frame of reference?"
-            )
-        ends = np.concatenate([each.forecast[:, :, [0, -1]] for each in rollouts])
-        log_weight = np.concatenate([each.forecast_log_weight for each in rollouts])
-        end_m = np.hypot(*np.moveaxis(to_metres(ends), -1, 0))  # [S, K, 2]
-        end_m[np.isneginf(log_weight)] = np.nan
-        first_m = end_m[..., 0]
-        is_lost = np.fmin.reduce(first_m, axis=1) > LOST_M
-        # coordinates in another frame are farther than forecasts may reach
-        rejected = sum(int(each.invalid[:, 2].sum()) for each in rollouts)
-        wrong = int(is_lost.sum()) + rejected
-        row_count = len(is_lost) + rejected
-        if wrong > _MAX_SHARE * row_count:
-            raise DataError(
-                f"{self._path}: {wrong} of {row_count} objects are invalid, or forecast "
-                f"more than {LOST_M:g} m away after one step: the places are likely in "
-                "another frame of reference (of the lidar or the ego), or of another "
-                "--form"
-            )
-        moves = end_m[..., 1] > FAR_M
-        if (first_m[moves] < PRESENT_M).sum() > _MAX_SHARE * moves.sum():
-            raise DataError(
-                f"{self._path}: the file seems to begin at the present, since the first "
-                "step of most moving objects is their present place; expected the "
-                "place after one period"
+                "expected some; is it another --form?"
             )
         if np.ptp(confidence) == 0 and len(confidence) > 1 and not constant_confidence:
             raise DataError(
@@ -283,6 +266,14 @@ class _Import:
         )
         if not any(len(each.track_id) for each in rollouts):
             yield "no tracks: identity switches, MOTA and HOTA are not measured"
+        others = self._classes.keys() - set(task.classes)
+        if others:
+            count = counted(sum(self._classes[name] for name in others), "object")
+            names = ", ".join(name or "without a name" for name in sorted(others)[::-1])
+            yield (
+                f"{count} of {counted(len(others), 'other class', 'es')}, left out: "
+                f"{clean_text(names, _MOST_LETTERS)}"
+            )
         missing = [name for name in task.classes if name not in self._classes]
         if missing:
             yield (

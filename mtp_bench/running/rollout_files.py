@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from ..core import (
     Rollout,
@@ -52,7 +53,7 @@ class RunInfo(Section):
     folder: str = ""  # folder of its submission; empty: an object of a program
     parameters: dict[str, Any]
     # number that its manifest declares; None: as many as its actions have
-    hypotheses: int | None = None
+    hypotheses: Annotated[int, Field(ge=0)] | None = None
     submission_digest: str
     note: str = ""  # on training with scenes that are scored
     seed: int

@@ -8,15 +8,16 @@ from typing import Any, Unpack
 import numpy as np
 
 from ..agent import submission_of
-from ..cards import Card, CardChanges, ChangeKeywords, load_card, parse_card
+from ..cards import Card, parse_card
 from ..core import (
     SERIAL,
     Detections,
+    Floats,
+    Ints,
     Rollout,
     RolloutError,
     Scene,
     UnknownNameError,
-    card_ids,
     long_work,
     parallel_map,
     require_folder,
@@ -123,7 +124,7 @@ class OpenedRun:
         """
         require_known(f"scene of {self.folder}", name, self.source.names)
         scene = self.source.load(name)
-        if not self.run.info.parameters.get(OWN_DETECTIONS):
+        if self.run.info.parameters.get(OWN_DETECTIONS) is not True:
             return scene
         return with_stated_detections(scene, self.first(name))
 
@@ -222,16 +223,16 @@ def run_info(
 def score(
     folders: str | Path | Iterable[str | Path],
     options: RunOptions = DEFAULTS,
-    env_id: str | Card | None = None,
+    card: Card | None = None,
     data: str | Path | None = None,
     samples: int | None = None,
 ) -> StoredScore:
     """Score runs that `run` or an import stored, each in a folder of ``folders``.
 
     Several runs stand in one table, each tested against each other. An agent that
-    occurs twice has the path of its folder as name. ``data``: data root. ``options``:
-    data and workers; everything else is stored with the runs. ``env_id``: id, path or card, if
-    it is not the card stored with a run. ``samples``: only so many of the heaviest
+    occurs twice has the end of the path of its folder as name. ``data``: data root. ``options``:
+    data and workers; everything else is stored with the runs. ``card``: in place of the
+    one stored with a run, whose scenes were in memory. ``samples``: only so many of the heaviest
     samples of each object count, since fewer samples have larger errors. Raises
     RolloutError if a run was made for another version of the card, contradicts its
     rollouts, or is of another task or other scenes than the first, or if ``samples`` is
@@ -245,7 +246,7 @@ def score(
     named = ", ".join(map(str, paths))
     with long_work(f"scoring {named}", progress=options.progress) as progress:
         options = replace(options, progress=progress)
-        return score_opened(open_runs(paths, options.data, env_id, samples), options)
+        return score_opened(open_runs(paths, options.data, card, samples), options)
 
 
 def score_opened(runs: Sequence[OpenedRun], options: RunOptions) -> StoredScore:
@@ -273,7 +274,7 @@ def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores
     rollouts = opened.run.rollouts
     # each worker opens the source itself
     source = opened.source if options.workers == SERIAL else None
-    is_own = bool(info.parameters.get(OWN_DETECTIONS))
+    is_own = info.parameters.get(OWN_DETECTIONS) is True
     calls = [
         (opened.card, opened.data, rollout, source, is_own) for rollout in rollouts
     ]
@@ -292,32 +293,46 @@ def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores
 def open_runs(
     folders: Sequence[str | Path],
     data: str | None = None,
-    env: str | Card | None = None,
+    card: Card | None = None,
     samples: int | None = None,
     taken: Sequence[str] = (),
-    card: Card | None = None,
+    like: Card | None = None,
 ) -> list[OpenedRun]:
     """Open runs of one task for one table, see `score`.
 
-    ``taken``: names of other agents in the table, which is of the task of ``card``.
+    ``taken``: names of other agents in the table, which is of the task of ``like``.
     """
-    runs = [open_run(Path(folder), data, env) for folder in folders]
+    runs = [open_run(Path(folder), data, card) for folder in folders]
     for opened in runs:
-        card = card or opened.card
-        if opened.card.task != card.task:
+        like = like or opened.card
+        if opened.card.task != like.task:
             raise RolloutError(
                 f"{opened.folder}: made for {opened.card.id} with another task than "
-                f"the others, of {card.id}; score it alone"
+                f"the others, of {like.id}; score it alone"
             )
     agents = [*taken, *(opened.run.info.agent for opened in runs)]
     named_runs = []
     for opened in runs:
         name = opened.run.info.agent
         if agents.count(name) > 1:
-            # a name ends at its first space, where parameters would begin
-            name = str(opened.folder).replace(" ", "_")
+            name = _folder_name(opened.folder, runs, agents)
         named_runs.append(_relabelled(opened, name, samples))
     return named_runs
+
+
+def _folder_name(folder: Path, runs: Sequence[OpenedRun], agents: Sequence[str]) -> str:
+    """Return the end of the path of a folder, as long as others end like it.
+
+    Raises RolloutError if it occurs twice.
+    """
+    paths = [opened.folder.absolute().as_posix() for opened in runs]
+    parts = folder.absolute().parts
+    for length in range(1, len(parts)):
+        end = "/".join(parts[-length:])
+        if sum(path.endswith(f"/{end}") for path in paths) == 1 and end not in agents:
+            # a name ends at its first space, where parameters would begin
+            return end.replace(" ", "_")
+    raise RolloutError(f"{folder}: named twice, expected each run once")
 
 
 def _relabelled(opened: OpenedRun, agent: str, samples: int | None) -> OpenedRun:
@@ -342,11 +357,10 @@ def heaviest_samples(rollout: Rollout, samples: int) -> Rollout:
     Of equal weights the first stay.
     """
     log_weight = rollout.forecast_log_weight
-    order = np.argsort(-log_weight, axis=1, kind="stable")
-    order = np.sort(order[:, :samples], axis=1)
-    kept_weight = np.take_along_axis(log_weight, order, axis=1)
+    kept = heaviest(log_weight, samples)
+    kept_weight = np.take_along_axis(log_weight, kept, axis=1)
     normalised = log_softmax(kept_weight, np.isfinite(kept_weight))
-    forecast = np.take_along_axis(rollout.forecast, order[..., None, None], axis=1)
+    forecast = np.take_along_axis(rollout.forecast, kept[..., None, None], axis=1)
     return replace(
         rollout,
         forecast=forecast,
@@ -354,17 +368,23 @@ def heaviest_samples(rollout: Rollout, samples: int) -> Rollout:
     )
 
 
+def heaviest(log_weight: Floats, samples: int) -> Ints:
+    """Return the numbers [R, ``samples``] of the heaviest of samples [R, K]."""
+    order = np.argsort(-log_weight, axis=1, kind="stable")
+    return np.sort(order[:, :samples], axis=1)
+
+
 def open_run(
-    folder: Path, data: str | None = None, env: str | Card | None = None
+    folder: Path, data: str | None = None, card: Card | None = None
 ) -> OpenedRun:
     """Open the run stored in ``folder``, with the card that it keeps.
 
-    ``env``: id, path or card, in place of that card. Raises RolloutError if the run was
+    ``card``: in place of that card. Raises RolloutError if the run was
     made for another version of the card, or contradicts its rollouts, and DataError if
     its data is missing.
     """
     stored = load_run(folder)
-    card = _card(folder, stored.info, env)
+    card = _card(folder, stored.info, card)
     _check_rollouts(folder, stored)
     if card.drive is not None:
         card = recorded_card(card, stored.rollouts)
@@ -402,35 +422,15 @@ def _with_skipped(
     return rollout, scene.skipped | count_holes(scene, card)
 
 
-def _card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
+def _card(folder: Path, info: RunInfo, card: Card | None) -> Card:
     """Return the card that the run was made for, by its digest."""
-    if env is not None or info.card is None:
-        card = _changed_card(folder, info, env)
-    else:
-        card = parse_card(info.card, f"{folder}, card")
+    card = card or parse_card(info.card or {}, f"{folder}, card")
     if card.digest != info.card_digest:
         raise RolloutError(
             f"{folder}: made for {info.env_id} with card digest {info.card_digest}, "
             f"{card.id} now has {card.digest}; run the agent again"
         )
     return card
-
-
-def _changed_card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
-    """Return the card of ``env``, or of the run's id, with the changes of the run."""
-    if env is None and info.env_id not in card_ids():
-        raise RolloutError(
-            f"{folder}: made for {info.env_id!r}, which does not ship here; "
-            "name its card with --env"
-        )
-    card = env if isinstance(env, Card) else load_card(env or info.env_id)
-    if card.digest == info.card_digest:
-        return card
-    change_names = ChangeKeywords.__annotations__
-    changes = {
-        change_name: _text(folder, info, change_name) for change_name in change_names
-    }
-    return CardChanges(**changes).apply(card)
 
 
 def _text(folder: Path, info: RunInfo, keyword: str) -> str | None:

@@ -128,7 +128,7 @@ def write_tracks(
             if path.suffix != suffix:
                 raise CardError(
                     f"{path}: the task of {dataset_name} takes a {suffix} file; "
-                    "for a folder of tables pass --table"
+                    "for a folder of tables pass --form table"
                 )
             return write_file(scene_tracks, card, data, path)
     write_scene, form = _write_table, "tables"

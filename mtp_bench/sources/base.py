@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,6 +138,15 @@ class StoredForecasts:
     identity: NDArray[np.str_]  # [R] name of the track; empty: none
     notes: Mapping[str, int]  # what was counted
     others: int  # frames in the file of scenes that were not read so far
+
+    def select(self, rows: Bools) -> Self:
+        """Return some of the objects."""
+        columns: dict[str, Any] = {
+            name: column[rows]
+            for name, column in vars(self).items()
+            if isinstance(column, np.ndarray)
+        }
+        return replace(self, **columns)
 
 
 ReadForecasts = Callable[[Scene], StoredForecasts]

@@ -1,5 +1,6 @@
 """JSON files that are larger than memory: a map of keys, whose values are read later."""
 
+import codecs
 import gzip
 import mmap
 import os
@@ -63,6 +64,8 @@ def _copied(path: Path, chunks: Iterable[bytes]) -> mmap.mmap:
 def _pieces(mapped: mmap.mmap) -> Iterator[bytes]:
     """Yield a file in pieces that end at a comma, which is in no number."""
     start = 0
+    if mapped[: len(codecs.BOM_UTF8)] == codecs.BOM_UTF8:
+        start = len(codecs.BOM_UTF8)
     while start < len(mapped):
         end = mapped.find(b",", start + _CHUNK_BYTES) + 1 or len(mapped)
         yield mapped[start:end]

@@ -33,13 +33,12 @@ def worst_moments(
     *,
     is_below: bool = False,
     no_doctor: bool = False,
-    env: str | None = None,
     progress: Progress = NO_PROGRESS,
 ) -> WorstMoments:
     """Find the moments of all scenes of a run, or of one ``scene``.
 
     ``is_below``: their cost is the part below threshold. ``no_doctor``: the data is not
-    examined. ``env``: named in the commands that show a moment.
+    examined.
     """
     rows = list[WorstRow]()
     collisions = list[Listed]()
@@ -47,7 +46,7 @@ def worst_moments(
     part_sum = np.zeros(len(PARTS))
     targets = 0
     unsplit = ""
-    place = (str(opened.folder), opened.data, env)
+    place = (str(opened.folder), opened.data)
     for played in replays(opened, scene, progress, no_doctor):
         part_sum += np.nansum(played.part, axis=0)
         targets += int(np.isfinite(played.part[:, 0]).sum())

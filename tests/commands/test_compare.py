@@ -59,18 +59,20 @@ def test_a_comparison(mine: Path, cli: CommandLine, known: list[str], tmp_path: 
     assert set(keys_in(content)) - explained == set()
 
 
-def test_a_stored_run_has_the_same_table(mine: Path, cli: CommandLine, known: list[str], tmp_path: Path) -> None:
+def test_a_stored_run_has_the_same_table(
+    mine: Path, cli: CommandLine, known: list[str], tmp_path: Path, kitti: str
+) -> None:
     cli.ok("run", mine, *known, "-o", tmp_path / "run", "--jobs", 1)
-    printed = cli.ok("score", tmp_path / "run", *known)
+    printed = cli.ok("score", tmp_path / "run", "--data", kitti)
     assert printed.startswith("MTP-Small-v0, 2 scenes, 1 seed: m, less is better")
     assert [line.split()[:2] for line in printed.splitlines() if line.startswith("mine")] == [["mine", "2"]]
     assert "--full" in printed.splitlines()[-1]
-    assert "\n\nSubsets" in cli.ok("score", tmp_path / "run", *known, "--full")
+    assert "\n\nSubsets" in cli.ok("score", tmp_path / "run", "--data", kitti, "--full")
     latex = tmp_path / "table.tex"
-    content = json.loads(cli.ok("score", tmp_path / "run", *known, "--json", "-", "--table", latex))
+    content = json.loads(cli.ok("score", tmp_path / "run", "--data", kitti, "--json", "-", "--table", latex))
     assert latex.read_text().startswith("\\begin{table}\n\\caption{MTP-Small-v0, 2 scenes, 1 seed: m, less is better}")
     assert list(content) == ["env", "definitions", "rows", "condition", "paired", "details", "skipped"]
-    lines = score(tmp_path / "run", data=known[3], env_id=known[1]).report.per_scene()
+    lines = score(tmp_path / "run", data=kitti).report.per_scene()
     assert lines[0].keys() - json_keys.PER_SCENE.keys() < set(Row.model_fields)
     assert sum(line["bADE_sum"] for line in lines) == pytest.approx(
         content["rows"][0]["error"] * content["rows"][0]["targets"]

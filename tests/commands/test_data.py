@@ -43,7 +43,7 @@ def test_broken_data_is_one_clear_error(
     jobs = 2 if message.endswith("cut off?") else 1  # errors come from workers too
     assert message in cli("run", "stp", *common, "-o", tmp_path / "run", "--jobs", jobs).error
     assert message in cli("compare", "stp", *common, "--json", file, "--jobs", 1).error
-    assert message in cli("score", run, *common, "--json", file).error
+    assert message in cli("score", run, "--data", kitti.parent, "--json", file).error
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data", "earlier"]
 
 
@@ -60,7 +60,7 @@ def test_scenes_without_objects(cli: CommandLine, tmp_path: Path, kitti: Path, c
         assert {row[key] for key in ("targets", "objects", "scenes")} == {0}
         assert [row[key] for key in undefined] == [None] * len(undefined)
     cli.ok("run", "stp", *common, "-o", tmp_path / "run", "--jobs", 1)
-    cli.ok("score", tmp_path / "run", *common, "--json", tmp_path / "b.json")
+    cli.ok("score", tmp_path / "run", "--data", kitti.parent, "--json", tmp_path / "b.json")
     assert read_json(tmp_path / "b.json")["rows"][0]["targets"] == 0
 
 
@@ -80,7 +80,7 @@ def test_skipped_rows_are_counted_for_the_user(cli: CommandLine, tmp_path: Path,
         file, run = tmp_path / f"{name}.json", tmp_path / name
         said = [
             cli.ok("data", *common), cli.ok("run", "stp", *common, "-o", run, "--jobs", 1),
-            cli.ok("score", run, *common), cli.ok(*compared, file),
+            cli.ok("score", run, "--data", kitti.parent), cli.ok(*compared, file),
         ]  # fmt: skip
         assert [" ".join(text.split()).count(SKIPPED) for text in said] == [name == "spoilt"] * 4
         assert [text.count("skipped ") for text in said] == [name == "spoilt"] * 4

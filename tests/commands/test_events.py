@@ -19,9 +19,9 @@ ROW = re.compile(r"(\S+) +([\d–]+) +(\S+-\d+\*?) +(.+?) +(\S+ → \S+|\S+) +([
 
 
 @pytest.fixture
-def known(known: list[str]) -> list[str]:
-    """The options of the small card, whose few boxes are no sound recording."""
-    return [*known, "--no-doctor"]
+def known(kitti: str) -> list[str]:
+    """The options of a run of the small card, whose few boxes are no sound recording."""
+    return ["--data", kitti, "--no-doctor"]
 
 
 def rows_of(printed: str) -> list[list[str]]:
@@ -70,7 +70,7 @@ def test_only_the_first_of_them(cli: CommandLine, events_run: Path, known: list[
 def test_nothing_is_cut_off_at_80_columns(events_run: Path, known: list[str]) -> None:
     printed = on_terminal(80, "events", events_run, *known)
     (command,) = [line for line in printed if line.startswith("mtp-bench view")]  # long, to be pasted
-    assert command.endswith(f"--env {known[1]}")
+    assert command.endswith(f"--data {known[1]}")
     assert max(len(line) for line in printed if line != command) <= 80
     assert not [line for line in printed if "…" in line]
     assert len(rows_of("\n".join(printed))) == 4
@@ -80,7 +80,7 @@ def test_the_command_of_an_event_can_be_pasted(cli: CommandLine, events_run: Pat
     printed = cli.ok("events", events_run, *known).splitlines()
     words = shlex.split(next(line for line in printed if line.startswith("mtp-bench view")))
     assert words[:2] == ["mtp-bench", "view"]
-    assert words[2:] == [str(events_run), "--scene", "0001", "--at", "ids-0", "--data", known[3], "--env", known[1]]
+    assert words[2:] == [str(events_run), "--scene", "0001", "--at", "ids-0", "--data", known[1]]
     commands: Any = typer.main.get_command(app)
     commands.get_command(None, "view").make_context("view", words[2:])  # parses and checks, runs nothing
 
@@ -113,10 +113,3 @@ def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: 
         "old_id_in_file": None, "new_id_in_file": None, "cause": None, "at_fault": None,
     }  # fmt: skip
     assert (ghost["frame"], ghost["until"], ghost["object"], ghost["new_id"]) == (1, 3, None, 90)
-
-
-def test_a_run_for_another_card(cli: CommandLine, events_run: Path, kitti: str, tmp_path: Path, card: str) -> None:
-    other = Path(card).read_text().replace("miss_error = 2.0", "miss_error = 3.0")
-    (tmp_path / Path(card).name).write_text(other)
-    error = cli("events", events_run, "--env", tmp_path / Path(card).name, "--data", kitti).error
-    assert "run the agent again" in error

@@ -24,39 +24,39 @@ def folder(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> P
     return folder / "run"
 
 
-def test_a_recording_is_written(cli: CommandLine, folder: Path, known: list[str], tmp_path: Path) -> None:
+def test_a_recording_is_written(cli: CommandLine, folder: Path, tmp_path: Path, kitti: str) -> None:
     file = tmp_path / "a.rrd"
-    out = cli.ok("view", folder, *known, "--save", file)
+    out = cli.ok("view", folder, "--data", kitti, "--save", file)
     assert "scene 0001; open it with `rerun" in " ".join(out.split())
     assert {"world/gt", "world/det", "world/forecast", "world/hyp/00/box"} <= set(read(file))
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]  # nothing half written beside it
-    out = cli.ok("view", folder, folder, *known, "--scene", "0006", "--save", file)
+    out = cli.ok("view", folder, folder, "--data", kitti, "--scene", "0006", "--save", file)
     assert "scene 0006" in out
     entities = set(read(file))
     assert "world/hyp/00/box" in entities
     assert any(name.startswith("agents/2-") and name.endswith("/world/hyp/00/box") for name in entities)
 
 
-def test_runs_of_other_cards(cli: CommandLine, folder: Path, known: list[str], kitti: str, tmp_path: Path) -> None:
+def test_runs_of_other_cards(cli: CommandLine, folder: Path, card: str, kitti: str, tmp_path: Path) -> None:
     run = load_run(folder)
     save_run(tmp_path / "other", run.info.model_copy(update={"card_digest": "0" * 16}), run.rollouts)
-    error = cli("view", folder, tmp_path / "other", *known, "--save", tmp_path / "a.rrd").error
-    assert all(each in error for each in (load_card(known[1]).digest, "0" * 16))
+    error = cli("view", folder, tmp_path / "other", "--data", kitti, "--save", tmp_path / "a.rrd").error
+    assert all(each in error for each in (load_card(card).digest, "0" * 16))
 
 
-def test_each_run_shows_its_input(cli: CommandLine, card: str, kitti: str, known: list[str], tmp_path: Path) -> None:
+def test_each_run_shows_its_input(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
     for agent in ("gt_tracks", "stp"):
         stored.run(agent, card, tmp_path / agent, RunOptions(kitti))
-    shown = [_replays(stored.open_runs([tmp_path / name for name in order], kitti, card), None, False, True)
+    shown = [_replays(stored.open_runs([tmp_path / name for name in order], kitti), None, False, True)
              for order in (("gt_tracks", "stp"), ("stp",))]  # fmt: skip
     together, alone = shown[0][1], shown[1][0]
     np.testing.assert_array_equal(together.scene.detections.box, alone.scene.detections.box)
 
 
 @pytest.mark.needs("Vulkan driver")
-def test_a_window_plays(cli: CommandLine, folder: Path, known: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_window_plays(cli: CommandLine, folder: Path, monkeypatch: pytest.MonkeyPatch, kitti: str) -> None:
     with windows_without_a_screen(monkeypatch) as address:
-        cli.ok("view", folder, *known, "--at", "lost-0")
+        cli.ok("view", folder, "--data", kitti, "--at", "lost-0")
         viewer = ViewerClient.connect(address)
 
         def opened() -> float:

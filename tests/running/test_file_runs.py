@@ -60,7 +60,7 @@ def without_tracks(rollout: Rollout) -> Rollout:
 
 
 def rows_of(folder: Path, card: str, kitti: str) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = stored.score(folder, RunOptions(kitti), card).report.to_json()["rows"]
+    rows: list[dict[str, Any]] = stored.score(folder, RunOptions(kitti)).report.to_json()["rows"]
     return rows
 
 
@@ -71,14 +71,14 @@ def test_a_run_from_a_file_has_the_numbers_of_the_run_but_no_rank(
     for name in ("error", "minADE", "coverage", "missed", "targets"):
         assert row[name] == original[name]
     assert (row["place"], row["unranked_because"]) == (None, FROM_FILE)
-    opened = open_run(from_file, kitti, card)
+    opened = open_run(from_file, kitti)
     shown, recorded = opened.scene("0001").detections, opened.recorded("0001").detections
     assert len(shown.box)
     assert np.array_equal(shown.box, recorded.box)
 
 
 def test_a_run_from_a_file_has_no_place_among_others(from_file: Path, finished: Path, card: str, kitti: str) -> None:
-    opened = [open_run(folder, kitti, card) for folder in (finished, from_file)]
+    opened = [open_run(folder, kitti) for folder in (finished, from_file)]
     report = summarise([run_scores(run) for run in opened], opened[0].card)
     reasons = {row.agent: row.unranked_because for row in report.rows if row.subset == "all"}
     assert reasons["theirs"] == FROM_FILE
@@ -87,36 +87,38 @@ def test_a_run_from_a_file_has_no_place_among_others(from_file: Path, finished: 
 
 
 def test_every_command_takes_a_run_from_a_file(
-    cli: CommandLine, from_file: Path, finished: Path, known: list[str], tmp_path: Path
+    cli: CommandLine, from_file: Path, finished: Path, tmp_path: Path, kitti: str
 ) -> None:
-    printed = cli.ok("score", from_file, *known)
+    printed = cli.ok("score", from_file, "--data", kitti)
     assert f"theirs: never ranked, {FROM_FILE}" in " ".join(printed.split())
-    worst = " ".join(cli.ok("worst", from_file, *known, "--no-doctor").split())
+    worst = " ".join(cli.ok("worst", from_file, "--data", kitti, "--no-doctor").split())
     assert (
         "The error of forecasts is not split, but stands under rest: they were read from a file, and no submission can "
         "be run again."
     ) in worst
-    events, original = (json.loads(cli.ok("events", run, *known, "--json", "-")) for run in (from_file, finished))
+    events, original = (
+        json.loads(cli.ok("events", run, "--data", kitti, "--json", "-")) for run in (from_file, finished)
+    )
     assert events["counts"] == original["counts"]
     at = ("--scene", "0001", "--at", "5")
-    cli.ok("view", from_file, *known, *at, "--png", tmp_path / "a.png")
-    cli.ok("video", from_file, *known, "--scene", "0001", "-o", tmp_path / "a.gif")
+    cli.ok("view", from_file, "--data", kitti, *at, "--png", tmp_path / "a.png")
+    cli.ok("video", from_file, "--data", kitti, "--scene", "0001", "-o", tmp_path / "a.gif")
     assert (tmp_path / "a.png").stat().st_size > 0
 
 
 def test_a_run_without_tracks_has_no_tracking_numbers(
-    cli: CommandLine, untracked: Path, finished: Path, card: str, kitti: str, known: list[str]
+    cli: CommandLine, untracked: Path, finished: Path, card: str, kitti: str
 ) -> None:
     assert rows_of(untracked, card, kitti)[0]["error"] == rows_of(finished, card, kitti)[0]["error"]
-    report = stored.score(untracked, RunOptions(kitti), card).report
+    report = stored.score(untracked, RunOptions(kitti)).report
     (detail,) = report.details
     assert {*detail.own_events.values(), *detail.own.values(), detail.guessed_parents} == {None}
     assert {*detail.tracking.all.model_dump().values(), detail.tracking.false_tracks} == {None}
     assert {row["identity_switches"] for row in report.per_scene()} == {None}
-    full = cli.ok("score", untracked, *known, "--full")
+    full = cli.ok("score", untracked, "--data", kitti, "--full")
     line = next(line for line in _table(full, "Tracking of the first seed") if line.startswith("untracked"))
     assert set(line.split()[3:]) == {"–"}, line
-    tracked = cli.ok("score", finished, *known, "--full")
+    tracked = cli.ok("score", finished, "--data", kitti, "--full")
     line = next(line for line in _table(tracked, "Tracking of the first seed") if line.startswith("stp"))
     assert "–" not in line
 
@@ -126,7 +128,7 @@ def _table(printed: str, title: str) -> list[str]:
 
 
 def test_one_tracked_scene_is_enough(finished: Path, card: str, kitti: str) -> None:
-    opened = open_run(finished, kitti, card)
+    opened = open_run(finished, kitti)
     scores = run_scores(opened)
     (run,) = scores.seeds
     some = (run[0], *(replace(score, has_tracks=False) for score in run[1:]))
@@ -135,9 +137,9 @@ def test_one_tracked_scene_is_enough(finished: Path, card: str, kitti: str) -> N
 
 
 def test_events_of_a_run_without_tracks_are_not_counted(
-    cli: CommandLine, untracked: Path, known: list[str], tmp_path: Path
+    cli: CommandLine, untracked: Path, tmp_path: Path, kitti: str
 ) -> None:
-    printed = cli.ok("events", untracked, *known, "--json", tmp_path / "a.json")
+    printed = cli.ok("events", untracked, "--data", kitti, "--json", tmp_path / "a.json")
     assert "– identity switches, – lost, – reacquired, as no track is stated; " in printed
     assert " in " not in printed.splitlines()[-1].partition("false forecast")[2].partition(";")[0]
     counts = json.loads((tmp_path / "a.json").read_text())["counts"]

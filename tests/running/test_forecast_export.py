@@ -120,12 +120,14 @@ def test_a_name_or_a_card_that_does_not_fit(opened: OpenedRun, tmp_path: Path) -
     assert not (tmp_path / "f.json").exists()
 
 
-def test_the_command(cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path) -> None:
+def test_the_command(cli: CommandLine, events_run: Path, tmp_path: Path, kitti: str) -> None:
     assert "MTP-Small-v0" in CARD
-    said = cli.ok("export", events_run, *known, "--forecasts", "-o", tmp_path / "tables")
+    said = cli.ok("export", events_run, "--data", kitti, "--forecasts", "-o", tmp_path / "tables")
     assert said == f"{tmp_path / 'tables'}: 3 objects; left out: 0 of other classes\n"
     assert {path.name for path in (tmp_path / "tables").iterdir()} == {"0001.parquet", "0006.parquet", "0008.parquet"}
-    error = cli("export", events_run, *known, "--forecasts", "--form", "uniad", "-o", tmp_path / "f.json").error
+    error = cli(
+        "export", events_run, "--data", kitti, "--forecasts", "--form", "uniad", "-o", tmp_path / "f.json"
+    ).error
     assert "expected 12 of nuScenes, as MFEval and UniAD have" in error
-    error = cli("score", events_run, *known, "--official").error
+    error = cli("score", events_run, "--data", kitti, "--official").error
     assert "expected 12 of nuScenes, as MFEval and UniAD have" in error

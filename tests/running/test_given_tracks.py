@@ -27,7 +27,7 @@ def tracks(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> s
     """STP's tracks of the small scenes, as KITTI results, whose ids begin at 2000."""
     folder = tmp_path_factory.mktemp("stp")
     stored.run("stp", card, folder / "run", RunOptions(kitti))
-    export_tracks(open_run(folder / "run", kitti, card), folder / "tracks")
+    export_tracks(open_run(folder / "run", kitti), folder / "tracks")
     for path in (folder / "tracks").glob("*.txt"):
         path.write_text(re.sub(r"(?m)^(\d+) (\d+)", lambda line: f"{line[1]} {2000 + int(line[2])}", path.read_text()))
     return str(folder / "tracks")
@@ -48,17 +48,17 @@ def test_a_stored_run(cli: CommandLine, card: str, kitti: str, known: list[str],
     cli.ok("run", "given_tracks", *known, "--tracks", tracks, "-o", tmp_path / "run", "--jobs", 1)
     info = json.loads((tmp_path / "run/run.json").read_text())["info"]
     assert (info["observe"], info["keywords"]["tracks"]) == ("tracks", tracks)
-    report = stored.score(tmp_path / "run", RunOptions(kitti), card).report
+    report = stored.score(tmp_path / "run", RunOptions(kitti)).report
     assert report.to_json()["rows"][0]["unranked_because"] == NOT_CAUSAL
-    shown = open_run(tmp_path / "run", kitti, card).scene("0001").detections
+    shown = open_run(tmp_path / "run", kitti).scene("0001").detections
     assert shown.counts[3] == 3  # coasted boxes, where nothing is detected
-    events = json.loads(cli.ok("events", tmp_path / "run", *known, "--json", "-"))
-    stp = json.loads(cli.ok("events", Path(tracks).parent / "run", *known, "--json", "-"))
+    events = json.loads(cli.ok("events", tmp_path / "run", "--data", kitti, "--json", "-"))
+    stp = json.loads(cli.ok("events", Path(tracks).parent / "run", "--data", kitti, "--json", "-"))
     assert events["counts"] == stp["counts"]
     lost = next(event for event in events["events"] if event["kind"] == "lost")
     assert int(lost["old_id_in_file"]) >= 2000
     at = ("--scene", lost["scene"], "--at", lost["event"])
-    told = cli.ok("view", tmp_path / "run", *known, *at, "--png", tmp_path / "a.png")
+    told = cli.ok("view", tmp_path / "run", "--data", kitti, *at, "--png", tmp_path / "a.png")
     assert f"track {lost['old_id']} ({lost['old_id_in_file']} in its file)" in " ".join(told.split())
 
 
@@ -81,20 +81,22 @@ def test_the_run_tells_where_its_tracks_were(card: str, kitti: str, tracks: str,
         stored.run("given_tracks", card, tmp_path / "run", RunOptions(kitti, scenes=1, tracks=str(moved)))
     finally:
         moved.rename(tracks)
-    assert stored.score(tmp_path / "run", RunOptions(kitti), card)  # what was said is enough for that
+    assert stored.score(tmp_path / "run", RunOptions(kitti))  # what was said is enough for that
     with pytest.raises(MtpBenchError, match=r"no file or folder .*tracks, expected stored tracks"):
-        open_run(tmp_path / "run", kitti, card).scene("0001")
+        open_run(tmp_path / "run", kitti).scene("0001")
     run = tmp_path / "run/run.json"
     content = json.loads(run.read_text())
     del content["info"]["keywords"]["tracks"]
     run.write_text(json.dumps(content))
     with pytest.raises(RolloutError, match="does not name the stored tracks"):
-        open_run(tmp_path / "run", kitti, card).scene("0001")
+        open_run(tmp_path / "run", kitti).scene("0001")
 
 
-def test_the_command_exports_readable_tracks(cli: CommandLine, known: list[str], tracks: str, tmp_path: Path) -> None:
+def test_the_command_exports_readable_tracks(
+    cli: CommandLine, known: list[str], tracks: str, tmp_path: Path, kitti: str
+) -> None:
     run = Path(tracks).parent / "run"
-    said = cli.ok("export", run, *known, "--table", "-o", tmp_path / "tables")
+    said = cli.ok("export", run, "--data", kitti, "--form", "table", "-o", tmp_path / "tables")
     assert said == f"{tmp_path / 'tables'}: 36 tracked positions\n"
     text = (tmp_path / "tables/0001.csv").read_text().replace('"', "")
     assert text.startswith("frame,id,class,x,y,z,yaw,l,w,h,score\n0,0,car,")
@@ -102,14 +104,14 @@ def test_the_command_exports_readable_tracks(cli: CommandLine, known: list[str],
     cli.ok(*arguments, "--tracks", tmp_path / "tables", "-o", tmp_path / "by_table")
     cli.ok(*arguments, "--tracks", tracks, "-o", tmp_path / "by_result")
     by_table, by_result = (
-        json.loads(cli.ok("score", tmp_path / name, *known, "--json", "-"))["rows"][0]
+        json.loads(cli.ok("score", tmp_path / name, "--data", kitti, "--json", "-"))["rows"][0]
         for name in ("by_table", "by_result")
     )
     assert by_table["error"] == pytest.approx(by_result["error"], abs=1e-4)
-    again = cli("export", run, *known, "--table", "-o", tmp_path / "tables").error
+    again = cli("export", run, "--data", kitti, "--form", "table", "-o", tmp_path / "tables").error
     assert again == f"{tmp_path / 'tables'} is not empty: choose another folder"
-    for more, what in (((), "KITTI's results"), (("--table",), "tables")):
-        said = cli("export", run, *known, *more, "-o", tmp_path / "t.json").error
+    for more, what in (((), "KITTI's results"), (("--form", "table"), "tables")):
+        said = cli("export", run, "--data", kitti, *more, "-o", tmp_path / "t.json").error
         assert said == f"{tmp_path / 't.json'}: {CARD_ID} is written as {what}: name a folder, not a .json file"
     assert not (tmp_path / "t.json").exists()
 

@@ -56,7 +56,7 @@ def test_scenes_in_memory_play_run_compare_and_score(scene: Scene, logs: Path, t
     assert first.info.card_digest != second.info.card_digest
     with pytest.raises(DataError, match="its scenes were objects in memory, which are not stored; give them again"):
         mtp_bench.score(tmp_path / "memory")
-    scored = mtp_bench.score(tmp_path / "memory", env_id=card).report.rows[0]
+    scored = mtp_bench.score(tmp_path / "memory", card=card).report.rows[0]
     assert scored.error == mtp_bench.score(tmp_path / "files").report.rows[0].error
     compared = mtp_bench.compare(["mtp"], card, RunOptions(seeds=[0])).report.rows
     assert next(row for row in compared if row.agent == "stp").error == scored.error

@@ -8,7 +8,7 @@ import pytest
 
 from mtp_bench import RolloutError, run, score
 from mtp_bench.running import load_run, save_run
-from mtp_bench.running.stored import heaviest_samples
+from mtp_bench.running.stored import heaviest_samples, open_runs
 
 ENV = "MTP-Intersection-v0"
 Folders = tuple[Path, Path]
@@ -34,13 +34,23 @@ def test_each_pair_of_runs_is_tested_once(folders: Folders) -> None:
     assert everything.error < 0
 
 
-def test_one_agent_twice_has_the_paths_of_its_folders(folders: Folders, tmp_path: Path) -> None:
+def test_one_agent_twice_has_the_names_of_its_folders(folders: Folders, tmp_path: Path) -> None:
     stored = load_run(folders[0])
     save_run(tmp_path / "again", stored.info, stored.rollouts)
     report = score([folders[0], tmp_path / "again"]).report
     names = [row.agent for row in report.rows if row.subset == "all"]
-    assert names == [str(folders[0]), str(tmp_path / "again")]
+    assert names == [f"{folders[0].parent.name}/stp", "again"], "stp is the name of an agent"
     assert {row.error for row in report.paired if row.subset == "all"} == {0.0}
+
+
+def test_folders_of_one_name_and_a_folder_given_twice(folders: Folders, tmp_path: Path) -> None:
+    stored = load_run(folders[0])
+    paths = [tmp_path / "a/my run", tmp_path / "b/my run"]
+    for path in paths:
+        save_run(path, stored.info, stored.rollouts)
+    assert [opened.run.info.agent for opened in open_runs(paths)] == ["a/my_run", "b/my_run"]
+    with pytest.raises(RolloutError, match="my run: named twice, expected each run once"):
+        open_runs([paths[0], paths[0]])
 
 
 def test_other_scenes_are_one_error(folders: Folders, tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ def _info(card: str) -> RunInfo:
     return RunInfo(
         env_id=load_card(card).id, card_digest=load_card(card).digest, observe="detections", samples=4, split="val",
         keywords={}, agent="drawn", parameters={}, submission_digest="", seed=0, definitions="", versions={},
+        card=load_card(card).stored(),
     )  # fmt: skip
 
 

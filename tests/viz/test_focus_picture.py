@@ -59,7 +59,7 @@ def assert_ringed_in_the_middle(panel: Picture) -> None:
 def focus_of(run: Replay, kind: str = "ids") -> Focus:
     """The costliest event of a kind, as `mtp-bench events --sort cost --kind` lists it first."""
     events = [each for each in run.incidents if each.kind == kind]
-    rows = in_order([Listed.of(run, each, "run", None, None) for each in events], "cost")
+    rows = in_order([Listed.of(run, each, "run", None) for each in events], "cost")
     return Focus(run, rows[0].incident)
 
 
@@ -109,12 +109,12 @@ def test_the_file_says_what_it_shows(tmp_path: Path) -> None:
 
 # ---- the command
 def test_a_picture_needs_neither_rerun_nor_a_screen(
-    cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cli: CommandLine, events_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kitti: str
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     monkeypatch.delitem(sys.modules, "mtp_bench.viz.rerun.sdk", raising=False)
     monkeypatch.delenv("DISPLAY", raising=False)
-    cli.ok("view", events_run, events_run, *known, "--at", "ids-0", "--png", tmp_path / "a.png")
+    cli.ok("view", events_run, events_run, "--data", kitti, "--at", "ids-0", "--png", tmp_path / "a.png")
     with Image.open(tmp_path / "a.png") as image:  # two runs stand below each other
         assert image.size == (SIZE[0], 2 * SIZE[1])
 

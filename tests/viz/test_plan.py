@@ -46,6 +46,6 @@ def test_the_collision_is_an_event_of_the_last_frame(capsys: pytest.CaptureFixtu
         run = driven([[0.0, 1.0]] * 3, [0.0] * 3, [-1] * 3, hit=5, seen=seen)
         (collision,) = (each for each in run.incidents if each.kind == "collision")
         assert (collision.name, collision.frame, collision.object_id) == ("collision-0", 2, 5)
-        show_collisions([Listed.of(run, collision, "run", None, None)])
+        show_collisions([Listed.of(run, collision, "run", None)])
         assert f"collision at 0.3 s with car 5, at fault; {cause}" in " ".join(capsys.readouterr().out.split())
     assert not driven([[0.0, 1.0]] * 3, [0.0] * 3, [-1] * 3).incidents

@@ -52,17 +52,17 @@ def frames_of(path: Path) -> tuple[list[NDArray[Any]], float]:
 
 @pytest.fixture(scope="module")
 def drawn(card: str, kitti: str, events_run: Path) -> Callable[[str], Replay]:
-    opened = open_run(events_run, kitti, card)
+    opened = open_run(events_run, kitti)
     return lambda scene: replay(opened.scene(scene), opened.first(scene), opened.card, "drawn")
 
 
 @pytest.mark.parametrize("suffix", ENCODERS)
 def test_a_video_holds_every_frame_of_the_first_scene(
-    suffix: str, cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path, drawn: Callable[[str], Replay]
+    suffix: str, cli: CommandLine, events_run: Path, tmp_path: Path, drawn: Callable[[str], Replay], kitti: str
 ) -> None:
     path = tmp_path / f"a{suffix}"
     path.write_text("earlier")
-    printed = cli.ok("video", events_run, "-o", path, *known)
+    printed = cli.ok("video", events_run, "-o", path, "--data", kitti)
     assert printed == f"{path}: scene 0001, frames 0 to 8, 10 per second\n"
     shown, rate = frames_of(path)
     assert (len(shown), rate) == (9, 10.0)

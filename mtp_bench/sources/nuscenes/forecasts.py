@@ -141,7 +141,10 @@ def _object_of(
         score = item.detection_score
     place = (*item.translation, 0.0)[:3]
     w, x, y, z = np.array(item.rotation, np.float64)
-    yaw = np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z)
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # of numbers that are no rotation
+        yaw = np.arctan2(2 * (x * y + w * z), w * w + x * x - y * y - z * z)
     size: Sequence[_Cell] = sizes.get(name, (0.0,) * 3)
     if item.size is not None:
         width, length, height = item.size

@@ -46,16 +46,15 @@ class Listed:
         incident: Incident,
         folder: str,
         data: str | None,
-        env: str | None,
         **fields: Any,
     ) -> Self:
         """Return the row of an incident.
 
-        ``folder``, ``data`` root and ``env`` name the run in the command; ``fields``:
+        ``folder`` and ``data`` root name the run in the command; ``fields``:
         further ones of a subclass.
         """
         options = {"scene": replay.scene.name, "at": incident.name}
-        view = command_line("view", folder, **options, data=data, env=env)
+        view = command_line("view", folder, **options, data=data)
         drive = replay.rollout.drive
         if incident.kind == "collision" and drive is not None:
             (cause,) = causes_of(Focus(replay, incident))  # a collision has one

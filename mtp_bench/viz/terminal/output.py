@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from ...core import Table, counted as counted, table_lines
+from ...core import Table, clean_text, counted as counted, table_lines
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,7 +29,10 @@ def show_lines(texts: Iterable[str], sign: str = "") -> None:
     indent = " " * len(sign)
     for text in texts:
         lines = textwrap.wrap(
-            text, TEXT_WIDTH, initial_indent=sign, subsequent_indent=indent
+            clean_text(text, len(text) + 1),
+            TEXT_WIDTH,
+            initial_indent=sign,
+            subsequent_indent=indent,
         )
         show("\n".join(lines))
 
