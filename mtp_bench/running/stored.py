@@ -101,11 +101,11 @@ class OpenedRun:
         scene = self.recorded(name)
         info = self.run.info
         if info.observe == "tracks":
-            file = _text(self.folder, info, "tracks")
-            if file is None:
+            file = info.keywords.get("tracks")
+            if not isinstance(file, str):
                 raise RolloutError(
-                    f"{self.folder}: does not name the stored tracks that its agent "
-                    "was given"
+                    f"{self.folder}: tracks is {file!r}, expected the path of the "
+                    "stored tracks that its agent was given"
                 )
             scene = with_tracks(self.source, self.card, self.data, file).load(name)
         return replace(scene, detections=shown_boxes(scene, info.observe)[0])
@@ -431,14 +431,6 @@ def _card(folder: Path, info: RunInfo, card: Card | None) -> Card:
             f"{card.id} now has {card.digest}; run the agent again"
         )
     return card
-
-
-def _text(folder: Path, info: RunInfo, keyword: str) -> str | None:
-    """Return the value of an env's ``keyword``, a text or None."""
-    value = info.keywords.get(keyword)
-    if value is not None and not isinstance(value, str):
-        raise RolloutError(f"{folder}: {keyword} is {value!r}, expected a name")
-    return value
 
 
 def _check_rollouts(folder: Path, stored: Run) -> None:

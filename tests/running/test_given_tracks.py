@@ -88,7 +88,7 @@ def test_the_run_tells_where_its_tracks_were(card: str, kitti: str, tracks: str,
     content = json.loads(run.read_text())
     del content["info"]["keywords"]["tracks"]
     run.write_text(json.dumps(content))
-    with pytest.raises(RolloutError, match="does not name the stored tracks"):
+    with pytest.raises(RolloutError, match="tracks is None, expected the path"):
         open_run(tmp_path / "run", kitti).scene("0001")
 
 

@@ -37,7 +37,6 @@ from .store import TableStore
 _Cell = float | None
 _Samples = list[list[tuple[_Cell, _Cell]]]
 _NULL = b"null"
-_NUMBER_LETTERS = b"0123456789+-.eEnul \t\r\n"  # also of null and between numbers
 
 
 class ForecastObject(msgspec.Struct, gc=False):
@@ -182,27 +181,17 @@ def _path_of(item: ForecastObject, form: _Form, where: str) -> Floats:
 
 
 def _nested_places(content: msgspec.Raw, where: str) -> Floats:
-    """Return samples [k, S, 2] of lists of lists, none for null.
-
-    The numbers of one flat list are decoded several times as fast as such lists.
-    """
-    text = bytes(content)
-    layout = text.translate(None, _NUMBER_LETTERS)  # brackets and commas
-    samples = layout.count(b"[[,")
-    steps = layout.partition(b"]]")[0].count(b"[,")
-    sample = b"[" + b",".join([b"[,]"] * steps) + b"]"
-    if samples and layout == b"[" + b",".join([sample] * samples) + b"]":
-        flat = b"[" + text.translate(None, b"[]") + b"]"
-        numbers = decode(flat, list[_Cell], where)
-        return np.array(numbers, np.float64).reshape(samples, steps, 2)
-    if text != _NULL:
-        lengths = {len(path) for path in decode(content, _Samples, where)}
-        if lengths - {0}:
-            raise DataError(
-                f"{where}: samples of {sorted(lengths)} places in one object, expected "
-                "equally many"
-            )
-    return np.zeros((0, 0, 2))
+    """Return samples [k, S, 2] of lists of lists, none for null."""
+    samples = decode(content, _Samples | None, where) or []
+    lengths = {len(path) for path in samples}
+    if len(lengths) > 1:
+        raise DataError(
+            f"{where}: samples of {sorted(lengths)} places in one object, expected "
+            "equally many"
+        )
+    if lengths <= {0}:
+        return np.zeros((0, 0, 2))
+    return np.array(samples, np.float64)
 
 
 def _in_scene(places: Floats, box: Floats, pose: LidarPose, form: _Form) -> Floats:
