@@ -182,7 +182,7 @@ def _path_of(item: ForecastObject, form: _Form, where: str) -> Floats:
 
 def _nested_places(content: msgspec.Raw, where: str) -> Floats:
     """Return samples [k, S, 2] of lists of lists, none for null."""
-    samples = decode(content, _Samples | None, where) or []
+    samples = [] if bytes(content) == _NULL else decode(content, _Samples, where)
     lengths = {len(path) for path in samples}
     if len(lengths) > 1:
         raise DataError(
