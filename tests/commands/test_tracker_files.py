@@ -73,8 +73,8 @@ def test_a_page_shows_table_causes_moments_and_pictures(cli: CommandLine, files:
     assert output.status == 0, output.err
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     for text in (
-        f"Worst moments of {tmp_path / 'good'}",
-        f"Worst moments of {tmp_path / 'ghosts'}",
+        "Worst moments of good",
+        "Worst moments of ghosts",
         "Differences of agents",
         "All targets of 6 scenes",
         "<th",
@@ -82,7 +82,8 @@ def test_a_page_shows_table_causes_moments_and_pictures(cli: CommandLine, files:
     ):
         assert text in page
     assert page.count("data:image/png;base64,") == 4
-    assert f"{tmp_path / 'good'} has the lowest bADE" in page
+    assert "good has the lowest bADE" in page
+    assert str(tmp_path) not in page, "a page that is passed on names no folder of this machine"
     assert "http" not in page.replace("http-equiv", "")
 
 
@@ -102,4 +103,4 @@ def test_the_verdict_is_of_the_run_that_was_asked_for(cli: CommandLine, files: P
     printed = cli("compare", "blind", files / "run", *ON, "--seeds", 1).out
     (verdict,) = [text for text in " ".join(printed.split()).split(". ") if text.startswith("Over all targets")]
     assert "stp_neighbours" not in verdict
-    assert str(files / "run") in verdict.replace(" ", ""), "lines break at hyphens"
+    assert "; run has " in verdict

@@ -1,5 +1,6 @@
 """`mtp-bench view`: what it writes, what it refuses, and that windows and pages open on the event."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,8 @@ def test_a_recording_is_written(cli: CommandLine, folder: Path, tmp_path: Path, 
     assert "scene 0001; open it with `rerun" in " ".join(out.split())
     assert {"world/gt", "world/det", "world/forecast", "world/hyp/00/box"} <= set(read(file))
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]  # nothing half written beside it
-    out = cli.ok("view", folder, folder, "--data", kitti, "--scene", "0006", "--save", file)
+    shutil.copytree(folder, tmp_path / "copy")
+    out = cli.ok("view", folder, tmp_path / "copy", "--data", kitti, "--scene", "0006", "--save", file)
     assert "scene 0006" in out
     entities = set(read(file))
     assert "world/hyp/00/box" in entities
