@@ -3,12 +3,14 @@ from .card import (
     DetectorSection as DetectorSection,
     DriveSection as DriveSection,
     LaneSection as LaneSection,
+    PerturbSection as PerturbSection,
     PlannerSection as PlannerSection,
     TaskSection as TaskSection,
 )
 from .changes import (
     CardChanges as CardChanges,
     ChangeKeywords as ChangeKeywords,
+    as_recorded as as_recorded,
     instead_of_stored as instead_of_stored,
     load_card as load_card,
     parse_card as parse_card,
@@ -16,6 +18,7 @@ from .changes import (
     with_detections as with_detections,
     with_detector as with_detector,
     with_files as with_files,
+    with_perturb as with_perturb,
     with_presence as with_presence,
     with_scenes as with_scenes,
     with_split as with_split,

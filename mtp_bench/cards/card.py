@@ -197,6 +197,25 @@ class DetectorSection(Section):
         return with_variant(self.noise or load_profile(str(self.profile)), self.variant)
 
 
+class PerturbSection(Section):
+    """Errors of a detector in multiples of its own; the defaults are as recorded.
+
+    docs/environment/robustness.md describes each knob.
+    """
+
+    # detections with less are left out; if scores are no probabilities, this share
+    score: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    misses: Annotated[float, Field(ge=0, le=16)] = 1.0
+    false: Annotated[float, Field(ge=0, le=16)] = 1.0
+    noise: Annotated[float, Field(ge=0, le=16)] = 1.0
+    delay: Annotated[float, Field(ge=0, le=100)] = 0.0  # frames
+    seed: Annotated[int, Field(ge=0)] = 0  # of what is drawn
+
+    def __str__(self) -> str:
+        changed = self.model_dump(exclude_defaults=True)
+        return ", ".join(f"{knob} {level:g}" for knob, level in changed.items())
+
+
 class TrackerSection(Section):
     """Parameters of a tracker for one class (`mtp_bench.tracking.ClassParameters`)."""
 
@@ -229,6 +248,7 @@ class Card(Section):
     data: DataSection | None = None
     source: SerializeAsAny[SourceSection]
     detector: DetectorSection | None = None
+    perturb: PerturbSection | None = None  # of stored and simulated detections alike
     task: TaskSection
     size: SizeSection
 

@@ -5,7 +5,7 @@ A copy may have another split or detector, other detections, or other scenes.
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TypedDict
@@ -24,7 +24,13 @@ from ..core import (
     validate,
 )
 from ..detector import load_profile, profile_for, profile_names
-from .card import Card, DetectorSection, check_consistency, check_detector
+from .card import (
+    Card,
+    DetectorSection,
+    PerturbSection,
+    check_consistency,
+    check_detector,
+)
 from .own import (
     own_digest,
     path_digest,
@@ -54,6 +60,8 @@ class ChangeKeywords(TypedDict, total=False):
     files: str | os.PathLike[str] | None
     # presence model of baselines: its file, or "scores" of detections as they are
     presence: str | os.PathLike[str] | None
+    # errors of the detector, such as {"noise": 2.0} (docs/environment/robustness.md)
+    perturb: Mapping[str, float] | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,9 +73,10 @@ class CardChanges:
     detections: str | None = None
     files: str | None = None
     presence: str | None = None
+    perturb: Mapping[str, float] | None = None
 
     @property
-    def changes(self) -> dict[str, str]:
+    def changes(self) -> dict[str, Any]:
         """The values that are not None, as keywords.
 
         A stored run keeps them.
@@ -93,6 +102,8 @@ class CardChanges:
             card = with_detections(card, self.detections)
         if self.presence is not None:
             card = with_presence(card, self.presence)
+        if self.perturb is not None:
+            card = with_perturb(card, self.perturb)
         return card
 
 
@@ -323,6 +334,30 @@ def with_presence(card: Card, presence: str | None) -> Card:
             )
         presence = str(path)
     return card.model_copy(update={"presence": presence})
+
+
+def with_perturb(card: Card, levels: Mapping[str, float] | None) -> Card:
+    """Return the card with larger or smaller errors of its detector.
+
+    ``levels``: by the knobs of `PerturbSection`; None, or all as recorded: unchanged
+    detections. Raises CardError for another knob, a level beyond its limits, and for
+    false detections of a closed loop, whose later frames they need.
+    """
+    section = validate(
+        PerturbSection, dict(levels or {}), f"{card.id}, perturb", CardError
+    )
+    if card.drive is not None and section.false != 1:
+        raise CardError(
+            f"{card.id}: perturb has false {section.false:g}, expected 1: false "
+            "detections of a whole recording are drawn, which a closed loop has not"
+        )
+    is_changed = section.model_copy(update={"seed": 0}) != PerturbSection()
+    return card.model_copy(update={"perturb": section if is_changed else None})
+
+
+def as_recorded(card: Card) -> Card:
+    """Return the card with the detections and confidences that weigh its targets."""
+    return card.model_copy(update={"presence": None, "perturb": None})
 
 
 def instead_of_stored(card: Card) -> str:

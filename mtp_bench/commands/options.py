@@ -192,6 +192,13 @@ class EnvScenes:
     files: Annotated[
         Path | None, Option(help="Folder of own scenes, in place of the environment's.")
     ] = None
+    perturb: Annotated[
+        str | None,
+        Option(
+            help="Other errors of the detector, such as noise=2,misses=4. Knobs: score, "
+            "misses, false, noise, delay, seed."
+        ),
+    ] = None
 
     def options(
         self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)
@@ -210,6 +217,7 @@ class EnvScenes:
             detector=self.detector,
             detections=only_path(self.detections, "--detections"),
             files=absolute(self.files),
+            perturb=None if self.perturb is None else levels_of(self.perturb),
             workers=(workers or WorkerChoice()).workers(),
         )
 
@@ -291,6 +299,20 @@ def with_expanded_options(command: Callable[..., None]) -> Callable[..., None]:
 
 def _parameters(function: Callable[..., Any]) -> list[inspect.Parameter]:
     return list(inspect.signature(function, eval_str=True).parameters.values())
+
+
+def levels_of(text: str) -> dict[str, float]:
+    """Return levels by knob, of a text such as "noise=2,misses=4"."""
+    levels = {}
+    for part in text.split(","):
+        knob, _, level = part.partition("=")
+        try:
+            levels[knob.strip()] = int(level) if level.isdecimal() else float(level)
+        except ValueError:
+            raise BadParameter(
+                f"{part!r}, expected knob=number", param_hint="--perturb"
+            ) from None
+    return levels
 
 
 def absolute(path: Path | None) -> str | None:

@@ -209,6 +209,7 @@ def _require_default_data(options: RunOptions) -> None:
         "--detections": options.detections,
         "--detector": options.detector,
         "--files": options.files,
+        "--perturb": options.perturb,
         f"--split {options.split}": None if options.split == "train" else options.split,
     }
     for option, value in changes.items():

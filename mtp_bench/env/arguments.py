@@ -71,7 +71,8 @@ def check_keywords(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
         if not isinstance(values[name], bool):
             raise MtpBenchError(f"{name} is {values[name]!r}, expected true or false")
     for name in ("tracks", *ChangeKeywords.__annotations__):
-        values[name] = _text(name, values[name])
+        if name != "perturb":
+            values[name] = _text(name, values[name])
     _check_observe(values["observe"], values["tracks"])
     if values["render_mode"] not in (None, *RENDERERS):
         mode = str(values["render_mode"])

@@ -27,7 +27,7 @@ from ..core import (
     Task,
 )
 from ..scoring import DEFINITIONS, FrameScorer
-from ..sources import detected, open_source, with_tracks
+from ..sources import detected, open_source, perturbed, with_tracks
 from .arguments import (
     EnvKeywords,
     check_keywords,
@@ -268,7 +268,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             scene = self._source.load(name)
         if self._fresh_noise:
             seed = int(self.np_random.integers(_MAX_SEED))
-            scene = detected(scene, self.card, seed)
+            fresh = detected(scene, self.card, seed)
+            if fresh is not scene:  # stored detections are as the source gives them
+                scene = perturbed(fresh, self.card)
         if scene.frames == 0:
             raise DataError(
                 f"scene {name!r} of {self.card.id} has no frames, expected at least one"

@@ -149,8 +149,9 @@ def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
         with whole_folder(folder) as part:
             for recorded_name, rollout in drives.items():
                 _save_scene(recorded_name, rollout, card, part)
-    # the detections are stored, so none are simulated
-    return with_files(card, folder).model_copy(update={"detector": None})
+    # the detections are stored as they were shown
+    update = {"detector": None, "perturb": None}
+    return with_files(card, folder).model_copy(update=update)
 
 
 def _require_drive(rollout: Rollout, card: Card) -> None:

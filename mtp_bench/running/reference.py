@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..agent import Agent, Submission, controls, load_submission
-from ..cards import Card, load_card, with_presence
+from ..cards import Card, as_recorded, load_card
 from ..core import (
     Bools,
     CardError,
@@ -87,11 +87,12 @@ def frozen_reference(card: Card) -> Reference | None:
     """Return the frozen event weights of ``card``.
 
     None without a file, and for a card that is not the shipped one. Another presence
-    model changes confidences, not events, so it keeps the weights. Raises DataError if
+    model, and other errors of the detector, keep the weights: they do not change who is a
+    target of what. Raises DataError if
     the file is broken or of other definitions.
     """
     reference = _read_frozen(card.id)
-    if reference is None or reference.card != with_presence(card, None).digest:
+    if reference is None or reference.card != as_recorded(card).digest:
         return None
     return reference
 
@@ -159,7 +160,7 @@ def reference_for(
     frozen = frozen_reference(card)
     if frozen is not None and frozen.holds(scenes):
         return frozen
-    reference = make_reference(with_presence(card, None), scenes, options)
+    reference = make_reference(as_recorded(card), scenes, options)
     return replace(reference, constants=card_budget(card.id))
 
 

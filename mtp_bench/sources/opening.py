@@ -17,6 +17,7 @@ from .base import (
     usable,
 )
 from .dataset import DataStatus
+from .perturbed import perturbed
 from .simulated import detected
 from .stored_tracks import find_tracks
 
@@ -51,7 +52,7 @@ def open_source(card: Card, data: DataRoot = None) -> SceneSource:
         return _DrivenScenes(card.id, source.names)
 
     def complete(scene: Scene) -> Scene:
-        scene = as_annotated(detected(usable(scene), card), card)
+        scene = as_annotated(perturbed(detected(usable(scene), card), card), card)
         if card.lanes is None:
             return scene
         return _with_lanes(scene, card, data)

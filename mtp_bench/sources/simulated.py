@@ -60,7 +60,7 @@ def detected(
 
     profile = card.detector.resolved
     traits = card.source.traits
-    sensor = _sensor(card.detector, scene, traits.bounded_by_truth)
+    sensor = sensor_of(card.detector, scene, traits.bounded_by_truth)
     visible = scene.visible
     if visible is None:
         visible = visible_fractions(scene.truth, scene.ego)
@@ -110,7 +110,7 @@ def _measured_world(scene: Scene, card: Card, period_s: float) -> tuple[Truth, S
     return truth, replace(world_scene, truth=replace(measured, velocity=velocity))
 
 
-def _sensor(section: DetectorSection, scene: Scene, bounded_by_truth: bool) -> Sensor:
+def sensor_of(section: DetectorSection, scene: Scene, bounded_by_truth: bool) -> Sensor:
     """Return the sensor of a card's detector.
 
     ``bounded_by_truth``: without an area in the card, it is that of the true boxes.

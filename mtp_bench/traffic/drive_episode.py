@@ -23,7 +23,7 @@ from ..core import (
 )
 from ..detector import Memory, OpenScene, visible_fractions
 from ..env import Feed, LocalFrame, RecordedAction, frame_info, make_feed
-from ..sources import detected, section_of
+from ..sources import detected, perturbed, section_of
 from .drive_record import record_of, rows_from
 from .highway.driven import DrivenTraffic
 from .highway.source import pack, scene_of, traffic_of
@@ -44,6 +44,7 @@ class DrivenScene:
         self._detections: list[Detections] = []
         self._detector = ""
         self._open_scene: OpenScene | None = None
+        self._unchanged: list[Scene] = []  # frames before `perturb`, where it is asked
 
     def current(self, world: World) -> Scene:
         """Return the next frame of the drive as a scene with detections.
@@ -69,8 +70,32 @@ class DrivenScene:
         detections = replace(
             detected_scene.detections, start=detected_scene.detections.start[-2:]
         )
-        self._detections.append(detections)
-        return replace(scene, detections=detections, simulated=True)
+        scene = replace(scene, detections=detections, simulated=True)
+        if self._card.perturb is not None:
+            self._unchanged.append(scene)
+            changed = perturbed(self._until_now(until_now), self._card)
+            shown = changed.detections.only(frame)
+            scene = replace(scene, detections=replace(shown, start=shown.start[-2:]))
+            self._detector = changed.detector
+        self._detections.append(scene.detections)
+        return scene
+
+    def _until_now(self, scene: Scene) -> Scene:
+        """Return the frames before `perturb` as one scene, with time and ego of ``scene``."""
+        truths = [each.truth for each in self._unchanged]
+        detections = [each.detections for each in self._unchanged]
+        return replace(
+            scene,
+            truth=replace(
+                joined(truths), start=starts_of([len(each.box) for each in truths])
+            ),
+            detections=replace(
+                joined(detections),
+                start=starts_of([len(each.box) for each in detections]),
+            ),
+            detector=self._detector,
+            simulated=True,
+        )
 
     def recording(self, world: World) -> Scene:
         """Join the frames of ``world``, with the detections that were shown."""
@@ -89,7 +114,8 @@ def whole_scene(world: World, card: Card, name: str) -> Scene:
     """Return the recording of a drive with the detections then shown."""
     scene = _scene(world, card, name)
     # an open scene draws the noise as it was drawn frame by frame
-    return detected(scene, card, going_on=OpenScene(horizon(card), scene.truth.only(0)))
+    open_scene = OpenScene(horizon(card), scene.truth.only(0))
+    return perturbed(detected(scene, card, going_on=open_scene), card)
 
 
 def _scene(world: World, card: Card, name: str, stride: int | None = None) -> Scene:

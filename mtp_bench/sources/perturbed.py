@@ -1,0 +1,374 @@
+"""Detections whose errors are larger or smaller than as recorded (docs/environment).
+
+No change of a frame depends on later frames, except for false detections: closed loops
+change the frames so far, and equal the change of the whole recording.
+"""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from ..cards import Card, PerturbSection
+from ..core import (
+    Bools,
+    DataError,
+    Detections,
+    Floats,
+    Ints,
+    Scene,
+    joined,
+    select,
+    starts_of,
+    wrap_angle,
+)
+from .simulated import in_frames, in_world, sensor_of
+
+MAX_LAG_S = 5.0  # by which misses come again in a closed loop
+NEAR_M = 2.0  # between places of a false object in frames in a row
+_MISSES, _FALSE = range(2)  # knobs with random draws
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Detections [R] in any order of their frames."""
+
+    frame: Ints
+    true_row: Ints  # of the true box that it detects; -1: false
+    box: Floats
+    velocity: Floats
+    class_id: Ints
+    score: Floats
+
+
+def perturbed(scene: Scene, card: Card) -> Scene:
+    """Return the scene with the errors of its detections as ``card.perturb`` says.
+
+    Truth and targets stay. Equal scenes, levels and seeds give equal detections. Raises
+    DataError where the truth does not tell which detections are false, or which objects
+    are missed.
+    """
+    levels = card.perturb
+    if levels is None:
+        return scene
+    _require_truth(scene, card.id, levels)
+    world_scene = in_world(scene)
+    rows = _rows_of(world_scene, card)
+    if levels.misses < 1:
+        rows = _filled(rows, world_scene, card)
+    elif levels.misses > 1:
+        rows = select(rows, ~_missed_again(rows, world_scene, card))
+    if levels.false != 1:
+        rows = _with_false(rows, world_scene, levels)
+    if levels.noise != 1:
+        is_true = rows.true_row >= 0
+        true_box = world_scene.truth.box[rows.true_row[is_true]]
+        rows.box[is_true] = _with_noise(rows.box[is_true], true_box, levels.noise)
+    if levels.score > 0:
+        least = _least_scores(scene.detections, levels.score)
+        rows = select(rows, rows.score >= least[rows.frame])
+    if levels.delay > 0:
+        rows = _late(rows, world_scene, card, levels.delay)
+    order = np.argsort(rows.frame, kind="stable")
+    detections = Detections(
+        start=starts_of(np.bincount(rows.frame, minlength=scene.frames)),
+        box=rows.box[order],
+        velocity=rows.velocity[order],
+        class_id=rows.class_id[order],
+        score=rows.score[order],
+    )
+    if scene.world is not None:
+        period_s = 1 / card.task.rate
+        detections = in_frames(detections, scene.world, scene.time, period_s)
+    name = f"{scene.detector}, {levels}"
+    return replace(scene, detections=detections, detector=name)
+
+
+def detection_matches(scene: Scene, card: Card) -> Ints:
+    """Return the row of the true box that each detection [R] detects, -1 for none.
+
+    In each frame and class the sum of distances is least, inside the forecast gate.
+    """
+    truth = scene.truth
+    detections = scene.detections
+    gate_m = np.array(card.per_class(card.task.forecast_gate))
+    true_row = np.full(len(detections.box), -1)
+    for t in range(scene.frames):
+        here = detections.rows(t)
+        there = truth.rows(t)
+        offset_m = detections.box[here, None, :2] - truth.box[None, there, :2]
+        gain = gate_m[truth.class_id[there]] - np.linalg.norm(offset_m, axis=-1)
+        is_other = detections.class_id[here, None] != truth.class_id[None, there]
+        gain[is_other | (gain < 0)] = 0
+        row, column = linear_sum_assignment(gain, maximize=True)
+        found = gain[row, column] > 0
+        true_row[here.start + row[found]] = there.start + column[found]
+    return true_row
+
+
+def missed(scene: Scene, card: Card, true_row: Ints) -> Bools:
+    """Return the evaluated true boxes [M] in coverage without a detection.
+
+    ``true_row`` [R]: the one that each detection detects.
+    """
+    is_missed = covered_truth(scene, card, true_row)
+    is_missed[true_row[true_row >= 0]] = False
+    return is_missed
+
+
+def covered_truth(scene: Scene, card: Card, true_row: Ints) -> Bools:
+    """Return the evaluated true boxes [M] that the detector could have reported.
+
+    Stored detections reach as far as their farthest true one.
+    """
+    truth = scene.truth
+    ego = scene.ego[truth.frame_of_rows]
+    distance_m = np.linalg.norm(truth.box[:, :2] - ego[:, :2], axis=1)
+    if scene.simulated and card.detector is not None:
+        from ..detector import covered
+
+        sensor = sensor_of(card.detector, scene, card.source.traits.bounded_by_truth)
+        return covered(truth, scene.ego, sensor) & ~truth.neutral
+    reach_m = distance_m[true_row[true_row >= 0]].max(initial=0)
+    return np.asarray((distance_m <= reach_m) & ~truth.neutral)
+
+
+def _require_truth(scene: Scene, env_id: str, levels: PerturbSection) -> None:
+    """Raise DataError for a truth that lacks objects or frames, if a knob needs it."""
+    if len(scene.annotated_frames) < scene.frames:
+        raise DataError(
+            f"scene {scene.name!r}: only some of its frames are annotated, so the "
+            "errors of detections are unknown in the others; leave `perturb` out"
+        )
+    if not scene.truth_complete and (levels.misses != 1 or levels.false != 1):
+        raise DataError(
+            f"scene {scene.name!r}: the truth of {env_id} is not complete, so missed "
+            "and false detections are unknown; change score, noise or delay alone"
+        )
+
+
+def _rows_of(scene: Scene, card: Card) -> _Rows:
+    detections = scene.detections
+    return _Rows(
+        frame=detections.frame_of_rows,
+        true_row=detection_matches(scene, card),
+        box=np.array(detections.box, dtype=np.float64),
+        velocity=np.array(detections.velocity, dtype=np.float64),
+        class_id=detections.class_id,
+        score=detections.score,
+    )
+
+
+def _draws(scene: Scene, levels: PerturbSection, *key: int) -> np.random.Generator:
+    """Return draws that depend on scene, seed and ``key`` alone."""
+    digest = hashlib.sha256(scene.name.encode()).digest()
+    words = [int.from_bytes(digest[:8], "big"), levels.seed, *key]
+    return np.random.default_rng(words)
+
+
+def _objects(scene: Scene) -> Iterator[tuple[int, Ints]]:
+    """Yield each evaluated object, and its rows in the truth, by frame."""
+    truth = scene.truth
+    evaluated = np.flatnonzero(~truth.neutral)
+    order = evaluated[np.argsort(truth.object_id[evaluated], kind="stable")]
+    object_id = truth.object_id[order]
+    for rows in np.split(order, np.flatnonzero(np.diff(object_id)) + 1):
+        if len(rows):
+            yield int(truth.object_id[rows[0]]), rows
+
+
+def _missed_again(rows: _Rows, scene: Scene, card: Card) -> Bools:
+    """Return the detections [R] that are missed, too.
+
+    Each object repeats its own misses level - 1 times, each time later by a random
+    number of frames: they are as long as recorded. What would come after the object's
+    last frame comes in its first ones, except in a closed loop, whose future is open.
+    """
+    levels = card.perturb or PerturbSection()
+    was_missed = missed(scene, card, rows.true_row)
+    is_missed = np.zeros(len(was_missed), dtype=bool)
+    copies = int(np.ceil(levels.misses - 1))
+    for object_id, here in _objects(scene):
+        rng = _draws(scene, levels, _MISSES, object_id)
+        # the last copy of a level between whole numbers is that of some objects alone
+        is_used = rng.random(copies) < levels.misses - 1 - np.arange(copies)
+        if card.drive is None:
+            lag = rng.integers(len(here), size=copies)
+        else:
+            lag = rng.integers(round(MAX_LAG_S * card.task.rate), size=copies)
+        for later in lag[is_used].tolist():
+            again = np.roll(was_missed[here], later)
+            if card.drive is not None:
+                again[:later] = False
+            is_missed[here] |= again
+    # a false detection has the number -1, and takes the last value
+    return np.append(is_missed, False)[rows.true_row]
+
+
+def _filled(rows: _Rows, scene: Scene, card: Card) -> _Rows:
+    """Return the rows with detections of missed objects.
+
+    A gap keeps the error and the score of the object's last detection before it, or of
+    another object of its class.
+    """
+    levels = card.perturb or PerturbSection()
+    truth = scene.truth
+    frame = truth.frame_of_rows
+    is_missed = missed(scene, card, rows.true_row)
+    found = np.flatnonzero(rows.true_row >= 0)
+    detection_of = np.full(len(is_missed), -1)
+    detection_of[rows.true_row[found]] = found
+    filled: list[int] = []
+    donors: list[int] = []
+    for object_id, here in _objects(scene):
+        rng = _draws(scene, levels, _MISSES, object_id)
+        donor = -1
+        is_kept = False
+        was_missed = False
+        for row in here.tolist():
+            if not is_missed[row]:
+                was_missed = False
+                if detection_of[row] >= 0:
+                    donor = int(detection_of[row])
+                continue
+            if not was_missed:
+                draw, choice = rng.random(2)
+                is_kept = draw < levels.misses
+                was_missed = True
+                if donor < 0:
+                    same = rows.class_id[found] == truth.class_id[row]
+                    others = found[same & (rows.frame[found] <= frame[row])]
+                    if len(others):
+                        donor = int(others[int(choice * len(others))])
+            if donor >= 0 and not is_kept:
+                filled.append(row)
+                donors.append(donor)
+    true_row = np.array(filled, dtype=np.int64)
+    donor_row = np.array(donors, dtype=np.int64)
+    donor_truth = rows.true_row[donor_row]
+    moved = rows.velocity[donor_row] - truth.velocity[donor_truth]
+    added = _Rows(
+        frame=frame[true_row],
+        true_row=true_row,
+        box=_moved(
+            truth.box[true_row], _errors(rows.box[donor_row], truth.box[donor_truth])
+        ),
+        velocity=truth.velocity[true_row] + moved,
+        class_id=truth.class_id[true_row],
+        score=rows.score[donor_row],
+    )
+    return joined([rows, added])
+
+
+def _errors(box: Floats, true_box: Floats) -> Floats:
+    """Return errors [R, 7]: x y z m, yaw rad, and logarithms of ratios of sizes."""
+    error = box - true_box
+    error[:, 3] = wrap_angle(error[:, 3])
+    error[:, 4:] = np.log(box[:, 4:] / true_box[:, 4:])
+    return error
+
+
+def _moved(true_box: Floats, error: Floats) -> Floats:
+    """Return true boxes with errors of `_errors`."""
+    box = true_box + error
+    box[:, 4:] = true_box[:, 4:] * np.exp(error[:, 4:])
+    return box
+
+
+def _with_noise(box: Floats, true_box: Floats, level: float) -> Floats:
+    """Return boxes with ``level`` times their own errors.
+
+    Front and rear that are confused stay so, unless nothing is left of the errors.
+    """
+    error = _errors(box, true_box)
+    turn = np.where(np.abs(error[:, 3]) > np.pi / 2, np.pi * np.sign(error[:, 3]), 0)
+    error[:, 3] -= turn
+    error *= level
+    error[:, 3] += turn * (level > 0)
+    return _moved(true_box, error)
+
+
+def _with_false(rows: _Rows, scene: Scene, levels: PerturbSection) -> _Rows:
+    """Return the rows with fewer or more false detections.
+
+    A false object stays or goes as a whole. A new one has the life of one that was
+    recorded, and begins at a random time where another one began, seen from the ego.
+    """
+    lives = list(_lives(select(rows, rows.true_row < 0)))
+    rng = _draws(scene, levels, _FALSE)
+    kept = rng.random(len(lives)) < levels.false
+    parts = [select(rows, rows.true_row >= 0)]
+    parts += [life for life, is_kept in zip(lives, kept, strict=True) if is_kept]
+    for copy in range(1, int(np.ceil(levels.false))):
+        for life in lives:
+            is_used = rng.random() < levels.false - copy
+            length = life.frame[-1] - life.frame[0]
+            start = int(rng.integers(0, scene.frames - length))
+            other = lives[int(rng.integers(len(lives)))]
+            if not is_used:
+                continue
+            ego = scene.ego
+            from_ego = other.box[0, :2] - ego[other.frame[0], :2]
+            turn = ego[start, 3] - ego[other.frame[0], 3]
+            box = life.box.copy()
+            box[:, :2] = ego[start, :2] + _turned(from_ego, turn)
+            box[:, :2] += _turned(life.box[:, :2] - life.box[0, :2], turn)
+            box[:, 3] = wrap_angle(box[:, 3] + turn)
+            frame = life.frame - life.frame[0] + start
+            velocity = _turned(life.velocity, turn)
+            parts.append(replace(life, frame=frame, box=box, velocity=velocity))
+    return joined(parts)
+
+
+def _turned(vector: Floats, angle: float) -> Floats:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.asarray(vector @ np.array([[cos, sin], [-sin, cos]]))
+
+
+def _lives(rows: _Rows) -> Iterator[_Rows]:
+    """Yield the detections of each false object: near each other in frames in a row."""
+    life = np.arange(len(rows.frame))
+    for t in np.unique(rows.frame):
+        here = np.flatnonzero(rows.frame == t)
+        before = np.flatnonzero(rows.frame == t - 1)
+        offset_m = rows.box[here, None, :2] - rows.box[None, before, :2]
+        gain = NEAR_M - np.linalg.norm(offset_m, axis=-1)
+        is_other = rows.class_id[here, None] != rows.class_id[None, before]
+        gain[is_other | (gain < 0)] = 0
+        row, column = linear_sum_assignment(gain, maximize=True)
+        found = gain[row, column] > 0
+        life[here[row[found]]] = life[before[column[found]]]
+    for number in np.unique(life):
+        yield select(rows, life == number)
+
+
+def _least_scores(detections: Detections, level: float) -> Floats:
+    """Return the least score [F] of a detection in each frame.
+
+    It is ``level``, or that quantile of the scores so far, if they are no
+    probabilities.
+    """
+    least = np.full(detections.frames, level)
+    for t in range(detections.frames):
+        so_far = detections.score[: detections.start[t + 1]]
+        if len(so_far) and (so_far.min() < 0 or so_far.max() > 1):
+            least[t] = np.quantile(so_far, level)
+    return least
+
+
+def _late(rows: _Rows, scene: Scene, card: Card, delay: float) -> _Rows:
+    """Return the rows ``delay`` frames later.
+
+    In the part of a frame, boxes move back along the velocity of their object.
+    """
+    frames = int(delay)
+    is_true = rows.true_row >= 0
+    velocity = rows.velocity.copy()
+    velocity[is_true] = scene.truth.velocity[rows.true_row[is_true]]
+    box = rows.box.copy()
+    back_s = (delay - frames) / card.task.rate
+    box[:, :2] -= back_s * np.nan_to_num(velocity)
+    late = replace(rows, frame=rows.frame + frames, box=box)
+    return select(late, late.frame < scene.frames)
