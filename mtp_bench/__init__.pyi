@@ -48,6 +48,7 @@ from .running import (
     doctor as doctor,
     evaluate as evaluate,
     import_forecasts as import_forecasts,
+    robustness as robustness,
     run as run,
     score as score,
 )

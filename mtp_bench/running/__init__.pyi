@@ -27,6 +27,11 @@ from .forecast_export import (
     export_forecasts as export_forecasts,
 )
 from .forecast_import import import_forecasts as import_forecasts
+from .levels import (
+    LEVELS as LEVELS,
+    Robustness as Robustness,
+    robustness as robustness,
+)
 from .official import official_scores as official_scores
 from .options import (
     DEFAULTS as DEFAULTS,

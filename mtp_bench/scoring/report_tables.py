@@ -9,6 +9,7 @@ from ..cards import load_card
 from ..core import (
     Column,
     MtpBenchError,
+    Section,
     Table,
     card_ids,
     columns_of,
@@ -90,14 +91,7 @@ class Report:
         It has a row per agent, setting and subset. Raises MtpBenchError if pandas is
         not installed.
         """
-        try:
-            import pandas
-        except ImportError:
-            raise MtpBenchError(
-                "to_frame needs pandas, which is not installed: pip install pandas"
-            ) from None
-        content = [row.model_dump() for row in self.rows]
-        return pandas.DataFrame(content, columns=list(Row.model_fields))
+        return data_frame(self.rows, Row)
 
     def per_scene(self) -> list[dict[str, Any]]:
         """Return the numbers of single scenes, as plain values.
@@ -118,6 +112,21 @@ class Report:
                 part = [row.model_dump(mode="json") for row in part]
             content[name] = part
         return content
+
+
+def data_frame(rows: Sequence[Section], kind: type[Section]) -> Any:
+    """Return rows of one ``kind`` as a DataFrame.
+
+    Raises MtpBenchError if pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise MtpBenchError(
+            "to_frame needs pandas, which is not installed: pip install pandas"
+        ) from None
+    content = [row.model_dump() for row in rows]
+    return pandas.DataFrame(content, columns=list(kind.model_fields))
 
 
 def _agent_name(row: Row) -> str:

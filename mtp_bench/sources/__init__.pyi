@@ -47,7 +47,11 @@ from .opening import (
     with_map as with_map,
     with_tracks as with_tracks,
 )
-from .perturbed import perturbed as perturbed
+from .perturbed import (
+    covered_truth as covered_truth,
+    detection_matches as detection_matches,
+    perturbed as perturbed,
+)
 from .readers import write_table as write_table
 from .simulated import detected as detected, in_world as in_world
 from .stored_forecasts import forecast_forms as forecast_forms

@@ -37,7 +37,9 @@ from .rerun.viewer import (
 )
 from .run_moments import worst_moments as worst_moments
 from .run_replay import Replay as Replay, replay as replay
+from .studies.curves import draw_curves as draw_curves
 from .studies.doubts import doubt_page as doubt_page
+from .studies.figures import FILE_SUFFIXES as FILE_SUFFIXES
 from .studies.meeting import meeting_page as meeting_page
 from .studies.study import (
     Study as Study,

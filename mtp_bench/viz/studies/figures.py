@@ -49,7 +49,7 @@ AGENT_COLOR = "#0072b2"
 REFERENCE_COLOR = "#8a929a"  # of agents that saw the truth
 CONTROL_COLOR = "#6000d8"
 FILE_SUFFIXES = (".svg", ".pdf", ".png")
-_NO_DATE: dict[str, dict[str, None]] = {  # equal figures have equal bytes
+NO_DATE: dict[str, dict[str, None]] = {  # equal figures have equal bytes
     ".svg": {"Date": None},
     ".pdf": {"CreationDate": None},
     ".png": {"Software": None},
@@ -57,7 +57,7 @@ _NO_DATE: dict[str, dict[str, None]] = {  # equal figures have equal bytes
 _SUBSETS: tuple[Subset, ...] = ("all", "ids", "reacquired")
 _WIDTH_IN = 9.0
 _ROW_HEIGHT_IN = 0.3
-_STYLE = Path(__file__).with_name("figure.mplstyle")
+STYLE = Path(__file__).with_name("figure.mplstyle")
 
 
 class FigureSpec(NamedTuple):
@@ -93,14 +93,14 @@ def draw_figures(
     figures: list[DrawnFigure] = []
     if not _scored_lines(report):  # no targets
         return figures
-    with style.context(["default", _STYLE]):
+    with style.context(["default", STYLE]):
         for name, spec in FIGURES.items():
             figure = spec.draw(report)
             if figure is None or (name == "parts" and not has_parts):
                 continue
             for suffix in FILE_SUFFIXES:
                 path = folder / f"{name}{suffix}"
-                figure.savefig(path, metadata=_NO_DATE[suffix])
+                figure.savefig(path, metadata=NO_DATE[suffix])
             svg = data_uri((folder / f"{name}.svg").read_bytes(), "image/svg+xml")
             figures.append(DrawnFigure(name, spec.title, spec.caption, svg))
     return figures
@@ -153,7 +153,7 @@ def _draw_hypotheses(report: Report) -> "Figure | None":
         return None
     swept_lines = list(chain.from_iterable(swept.values()))
     subsets = _subsets_with(swept_lines, "difference_to_stp")
-    figure, axes = _panels(len(subsets))
+    figure, axes = panels(len(subsets))
     for axis, subset in zip(axes, subsets, strict=True):
         axis.axhline(0.0, color=REFERENCE_COLOR, label="stp")
         for agent, lines in swept.items():
@@ -166,7 +166,7 @@ def _draw_hypotheses(report: Report) -> "Figure | None":
             )
         axis.set(title=SUBSET_NAMES[subset], xlabel="hypotheses H")
     axes[0].set_ylabel("bADE less that of stp, m")
-    _add_legend(figure, axes[0])
+    add_legend(figure, axes[0])
     return figure
 
 
@@ -212,7 +212,7 @@ def _values(rows: Sequence[Row], key: str) -> list[Any]:
     return [getattr(row, key) for row in rows]
 
 
-def _panels(count: int, height_in: float = 3.6) -> "tuple[Figure, Sequence[Any]]":
+def panels(count: int, height_in: float = 3.6) -> "tuple[Figure, Sequence[Any]]":
     """Return a figure with ``count`` axes in a row."""
     from matplotlib.figure import Figure
 
@@ -224,7 +224,7 @@ def _row_panels(
     count: int, lines: Sequence[AgentLine]
 ) -> "tuple[Figure, Sequence[Any]]":
     """Return a figure of ``count`` panels with a row per agent."""
-    figure, axes = _panels(count, 1.2 + _ROW_HEIGHT_IN * len(lines))
+    figure, axes = panels(count, 1.2 + _ROW_HEIGHT_IN * len(lines))
     for axis in axes:
         axis.grid(axis="x")
         axis.set_yticks(range(len(lines)), [""] * len(lines))
@@ -233,7 +233,8 @@ def _row_panels(
     return figure, axes
 
 
-def _add_legend(figure: "Figure", axis: Any) -> None:
+def add_legend(figure: "Figure", axis: Any) -> None:
+    """Draw one legend above all panels."""
     figure.legend(*axis.get_legend_handles_labels(), loc="outside upper left", ncols=4)
 
 
