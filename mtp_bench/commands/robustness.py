@@ -5,9 +5,8 @@ from typing import Annotated
 
 from typer import Argument, BadParameter, Option
 
-from ..core import to_text
 from ..running import LEVELS, robustness as run_robustness
-from ..viz import FILE_SUFFIXES, draw_curves, show, show_lines
+from ..viz import FILE_SUFFIXES, draw_curves, show_lines, show_table
 from .options import (
     AgentScenes,
     JsonOption,
@@ -59,5 +58,6 @@ def robustness(
         draw_curves([result], plot)
     if json_file != STANDARD_OUTPUT:
         for table in result.tables:
-            show(to_text(table))
+            show_table(table)
+            show_lines([table.sentence])
         show_lines([result.answer])

@@ -71,8 +71,9 @@ def compare_driving(
         card.require_same_scenes("which takes no stored tracks", "leave --tracks out")
     role_names = controls()
     roles = CONTROLS + LOWER_REFERENCES if full else CONTROLS
-    every_agent = dict.fromkeys([*(role_names[role] for role in roles), *agents])
-    settings = [setting_of(submission_of(agent), card) for agent in every_agent]
+    every_agent = map(submission_of, [*(role_names[role] for role in roles), *agents])
+    submissions = {submission.name: submission for submission in every_agent}
+    settings = [setting_of(submission, card) for submission in submissions.values()]
     drives, failures = drives_of(settings, evaluation)
     for role in CONTROLS:
         if role_names[role] in failures:

@@ -32,9 +32,9 @@ from ..scoring import (
     DEFINITIONS,
     SUBSET_NAMES,
     Difference,
+    Interval,
     IntervalColumn,
     Metres,
-    PValue,
     Share,
     Subset,
     data_frame,
@@ -65,6 +65,10 @@ _SENTENCE = (
     "Below a number: 95 % interval. Differences are to stp and to controls; a gain of "
     "hypotheses must exceed those of same samples and of neighbours."
 )
+_PColumn = Annotated[
+    float | None,
+    Column("p", format=".3f", optional=True, help="Of the sign-flip test."),
+]
 _Correlation = Annotated[float | None, Column(format=".2f")]
 
 
@@ -83,31 +87,29 @@ class LevelRow(Section):
     ] = None
     stp: Annotated[Difference, Column("to stp", help="Value less that of stp.")]
     stp_interval: IntervalColumn
-    stp_p: PValue
+    stp_p: _PColumn
     same: Annotated[
-        Difference, Column("to same samples", help="Less that of the control.")
+        Difference,
+        Column("to same samples", optional=True, help="Less that of the control."),
     ] = None
     same_interval: IntervalColumn = None
-    same_p: PValue = None
+    same_p: _PColumn = None
     neighbours: Annotated[
-        Difference, Column("to neighbours", help="Less that of the control.")
+        Difference,
+        Column("to neighbours", optional=True, help="Less that of the control."),
     ] = None
     neighbours_interval: IntervalColumn = None
-    neighbours_p: PValue = None
+    neighbours_p: _PColumn = None
     association: Annotated[
-        Difference, Column("association", help="Less that of perfect association.")
+        Difference, Column(optional=True, help="Less that of perfect association.")
     ] = None
-    association_interval: IntervalColumn = None
-    best_p: Annotated[
-        float | None,
-        Column("p to best", format=".3f", help="Of the difference to the best agent."),
-    ] = None
+    association_interval: Interval | None = None
+    best_p: float | None = None  # of the difference to the best agent of the level
     switches: Annotated[
-        float | None, Column("IDS", format=".1f", help="Per 100 true boxes.")
+        float | None,
+        Column("IDS", format=".1f", optional=True, help="Per 100 true boxes."),
     ] = None
-    effective_objects: Annotated[
-        float | None, Column(format=".0f", help="Effective number of objects.")
-    ] = None
+    effective_objects: float | None = None
 
 
 class DetectorRow(Section):

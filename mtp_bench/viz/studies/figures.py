@@ -153,7 +153,7 @@ def _draw_hypotheses(report: Report) -> "Figure | None":
         return None
     swept_lines = list(chain.from_iterable(swept.values()))
     subsets = _subsets_with(swept_lines, "difference_to_stp")
-    figure, axes = panels(len(subsets))
+    figure, (axes,) = panels(len(subsets))
     for axis, subset in zip(axes, subsets, strict=True):
         axis.axhline(0.0, color=REFERENCE_COLOR, label="stp")
         for agent, lines in swept.items():
@@ -212,19 +212,19 @@ def _values(rows: Sequence[Row], key: str) -> list[Any]:
     return [getattr(row, key) for row in rows]
 
 
-def panels(count: int, height_in: float = 3.6) -> "tuple[Figure, Sequence[Any]]":
-    """Return a figure with ``count`` axes in a row."""
+def panels(count: int, height_in: float = 3.6, rows: int = 1) -> "tuple[Figure, Any]":
+    """Return a figure and its axes [rows, ``count``]."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
-    return figure, figure.subplots(1, count, squeeze=False)[0]
+    return figure, figure.subplots(rows, count, squeeze=False)
 
 
 def _row_panels(
     count: int, lines: Sequence[AgentLine]
 ) -> "tuple[Figure, Sequence[Any]]":
     """Return a figure of ``count`` panels with a row per agent."""
-    figure, axes = panels(count, 1.2 + _ROW_HEIGHT_IN * len(lines))
+    figure, (axes,) = panels(count, 1.2 + _ROW_HEIGHT_IN * len(lines))
     for axis in axes:
         axis.grid(axis="x")
         axis.set_yticks(range(len(lines)), [""] * len(lines))

@@ -1,0 +1,216 @@
+"""Agents over the strength of an error of the detector."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mtp_bench
+from mtp_bench import MtpBenchError, Scene, UnknownNameError
+from mtp_bench.cards import load_card
+from mtp_bench.core import to_text
+from mtp_bench.running import RunOptions, compare, levels, load_run, run
+from mtp_bench.running.levels import LEVELS, Level, LevelRow, Robustness, detector_row
+from mtp_bench.sources import open_source
+from mtp_bench.viz.studies.curves import draw_curves
+from tests.support.command_line import CommandLine
+
+ENV = "MTP-Intersection-v0"
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robustness, Path]:
+    folder = tmp_path_factory.mktemp("levels")
+    return mtp_bench.robustness(["mtp"], ENV, "noise", [1.0, 4.0], folder=folder, scenes=3), folder
+
+
+def test_as_recorded_is_the_comparison(measured: tuple[Robustness, Path]) -> None:
+    result, _ = measured
+    report = compare(["mtp"], ENV, RunOptions(scenes=3)).report
+    plain = {(row.agent, row.subset): row for row in report.rows if row.budget == "equal"}
+    rows = [row for row in result.rows if row.level == 1]
+    assert {row.agent for row in rows} == {
+        "mtp", "stp", "stp_same_samples", "stp_neighbours", "perfect_association_same_samples"
+    }  # fmt: skip
+    for row in rows:
+        if row.agent != "mtp":  # whose row of the comparison has another number of hypotheses
+            same = plain[row.agent, row.subset]
+            assert (row.value, row.interval, row.stp, row.stp_p) == (
+                same.error, same.interval, same.difference_to_stp, same.p
+            )  # fmt: skip
+    differences = {(row.agent, row.subset): row for row in rows}
+    for row in rows:
+        for name, difference in (
+            ("stp_same_samples", row.same), ("stp_neighbours", row.neighbours),
+            ("perfect_association_same_samples", row.association),
+        ):  # fmt: skip
+            other = differences[name, row.subset].value
+            assert difference == pytest.approx((row.value or 0) - (other or 0))
+        assert row.relative == pytest.approx((row.value or 0) / (differences["stp", row.subset].value or 1))
+
+
+def test_more_noise_costs_and_targets_stay(measured: tuple[Robustness, Path]) -> None:
+    result, _ = measured
+    value = {(row.agent, row.level): row.value or 0 for row in result.on("all")}
+    for agent in ("stp", "mtp", "stp_same_samples"):
+        assert value[agent, 4.0] > value[agent, 1.0] + 0.3
+    less, more = (level.detector for level in result.levels)
+    assert less is not None
+    assert more is not None
+    assert (more.error or 0) > 2 * (less.error or 0)
+    assert less.error_memory == pytest.approx(more.error_memory, rel=0.1), "errors last as long as recorded"
+    assert result.mean_relative["stp"] == 1
+    assert result.mean_relative["mtp"] == pytest.approx(np.mean([value["mtp", x] / value["stp", x] for x in (1, 4)]))
+
+
+def test_finished_levels_are_not_run_again(measured: tuple[Robustness, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    result, folder = measured
+    assert sorted(path.name for path in folder.iterdir()) == ["noise-1.json", "noise-4.json"]
+
+    def fail(*arguments: Any) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(levels, "_scores", fail)
+    assert mtp_bench.robustness(["mtp"], ENV, "noise", [1.0, 4.0], folder=folder, scenes=3) == result
+    for changes in ({"scenes": 2}, {"seeds": [1]}, {"perturb": {"score": 0.3}}):
+        options: Any = {"scenes": 3, **changes}
+        with pytest.raises(AssertionError):
+            mtp_bench.robustness(["mtp"], ENV, "noise", [1.0], folder=folder, **options)
+    (folder / "noise-1.json").write_text("{}")
+    with pytest.raises(MtpBenchError, match=r"noise-1\.json"):
+        mtp_bench.robustness(["mtp"], ENV, "noise", [1.0], folder=folder, scenes=3)
+
+
+def row(level: float, agent: str, value: float, subset: str = "all", **fields: Any) -> LevelRow:
+    known: dict[str, Any] = {
+        "interval": None, "stp": None, "stp_interval": None, "stp_p": None, "subset": subset, **fields
+    }  # fmt: skip
+    return LevelRow(level=level, agent=agent, value=value, **known)
+
+
+def made(*rows: LevelRow, is_drive: bool = False) -> Robustness:
+    at = sorted({each.level for each in rows})
+    each_level = [Level(key="", detector=None, rows=[each for each in rows if each.level == level]) for level in at]
+    return Robustness("MTP-KITTI-v0", "noise", ("mtp", "tracking_free"), tuple(each_level), is_drive)
+
+
+def test_the_answer_says_where_the_order_changes() -> None:
+    rows = []
+    for level, free, p in ((0.0, 3.0, 0.5), (1.0, 2.4, 0.3), (2.0, 2.0, 0.01)):
+        rows += [
+            row(level, "mtp", 2.5, best_p=1.0 if free > 2.5 else p), row(level, "stp", 2.8, best_p=0.04),
+            row(level, "tracking_free", free, best_p=p if free > 2.5 else 1.0),
+            row(level, "stp_neighbours", 0.1, best_p=1.0),  # a control that nobody asked for
+        ]  # fmt: skip
+    assert made(*rows).answer == (
+        "Lowest bADE by noise: mtp at 0 (before the next with p < 0.05 at 0), then tracking_free at 1 and 2 (before "
+        "the next with p < 0.05 at 2)."
+    )
+    driven = made(*[replace_row(each, best_p=None) for each in rows], is_drive=True)
+    assert driven.answer == "Highest drive score by noise: tracking_free at 0, then stp at 1 and 2."
+
+
+def replace_row(of: LevelRow, **fields: Any) -> LevelRow:
+    return of.model_copy(update=fields)
+
+
+GAINS = [
+    ({"same": -0.3, "same_p": 0.01, "neighbours": -0.2, "neighbours_p": 0.04}, True),
+    ({"same": -0.3, "same_p": 0.01, "neighbours": -0.2, "neighbours_p": 0.06}, False),
+    ({"same": -0.3, "same_p": 0.01, "neighbours": 0.2, "neighbours_p": 0.01}, False),
+    ({"same": None, "same_p": None, "neighbours": None, "neighbours_p": None}, False),
+]
+
+
+@pytest.mark.parametrize(("fields", "is_gain"), GAINS)
+def test_a_gain_of_hypotheses_exceeds_both_controls(fields: dict[str, Any], is_gain: bool) -> None:
+    rows = [row(1.0, "mtp", 2.0), row(1.0, "mtp", 2.0, "ids", **fields), row(1.0, "stp", 2.5)]
+    answer = made(*rows).answer
+    assert ("On identity switches mtp gains beyond same samples and neighbours (p < 0.05) at 1." in answer) == is_gain
+
+
+def test_tables_frame_and_file(measured: tuple[Robustness, Path]) -> None:
+    result, _ = measured
+    first, second, detector = result.tables
+    assert first.title == f"{ENV}, noise: all targets"
+    assert len(first.rows) == len(second.rows) == 10
+    assert len(detector.rows) == 2
+    frame = result.to_frame()
+    assert list(frame.columns) == list(LevelRow.model_fields)
+    assert len(frame) == 20
+    content = json.loads(json.dumps(result.to_json(), allow_nan=False))
+    assert content["answer"] == str(result) == result.answer
+    assert "to stp" in to_text(first)
+
+
+@pytest.mark.parametrize("name", ["a.svg", "a.png", "a.pdf"])
+def test_curves_are_drawn(name: str, measured: tuple[Robustness, Path], tmp_path: Path) -> None:
+    result, _ = measured
+    for dark in (False, True):
+        draw_curves([result, result], tmp_path / name, dark)
+        assert (tmp_path / name).stat().st_size > 5000
+    if name.endswith("svg"):
+        drawn = (tmp_path / name).read_text(encoding="utf-8")
+        assert "bADE, m, less that of stp" in drawn
+        assert drawn.count("perfect_association_same_samples") >= 1
+
+
+def test_the_command(cli: CommandLine, tmp_path: Path) -> None:
+    words = ("robustness", "stp", "--env", ENV, "--scenes", 1, "--jobs", 1, "--knob", "score", "--levels", "0,0.5")
+    out = cli.ok(*words, "--plot", tmp_path / "a.svg", "--table", tmp_path / "a.csv", "-o", tmp_path / "levels")
+    assert "Lowest bADE by score: stp at 0 and 0.5" in " ".join(out.split())
+    assert (tmp_path / "a.csv").read_text().startswith("level,agent,value")
+    assert json.loads(cli.ok(*words, "-o", tmp_path / "levels", "--json", "-"))["knob"] == "score"
+    assert cli("robustness", "stp", "--env", ENV, "--knob", "scor").status == 2
+    assert "expected numbers such as" in cli(*words[:-1], "0,x").err
+    assert "perturb" in cli("run", "stp", "--env", ENV, "--perturb", "noise=-2", "-o", tmp_path / "run").error
+    assert cli("run", "stp", "--env", ENV, "--perturb", "noise", "-o", tmp_path / "run").status == 2
+
+
+def test_a_stored_run_keeps_its_condition(cli: CommandLine, tmp_path: Path) -> None:
+    where = ("--env", ENV, "--scenes", 1, "--jobs", 1)
+    cli.ok("run", "stp", *where, "--perturb", "noise=2, misses=3", "-o", tmp_path / "run")
+    assert load_run(tmp_path / "run").info.keywords["perturb"] == {"noise": 2, "misses": 3}
+    run("stp", ENV, tmp_path / "same", scenes=1, perturb={"noise": 2.0, "misses": 3.0})
+    errors = [mtp_bench.score(tmp_path / name).report.rows[0].error for name in ("run", "same")]
+    assert errors[0] == errors[1] != mtp_bench.evaluate("stp", ENV, scenes=1).rows[0].error
+    assert "changed" in cli.ok("score", tmp_path / "run")
+
+
+def test_wrong_questions() -> None:
+    with pytest.raises(UnknownNameError, match="knob"):
+        mtp_bench.robustness(["stp"], ENV, "nois")
+    with pytest.raises(MtpBenchError, match="expected a list"):
+        mtp_bench.robustness("stp", ENV, "noise")
+    assert set(LEVELS) == {"score", "misses", "false", "noise", "delay"}
+
+
+def test_memory_of_errors_and_misses() -> None:
+    """Errors that an object keeps correlate, errors drawn anew do not."""
+    card = load_card(ENV)
+    source = open_source(card)
+    scene = source.load(source.names[0])
+    truth = scene.truth
+    rng = np.random.default_rng(0)
+    offsets = rng.normal(size=(truth.object_id.max() + 1, 2)) * 0.3
+    kept = offsets[truth.object_id]
+    anew = rng.normal(size=kept.shape) * 0.3
+
+    def seen(offset: Any) -> Scene:
+        box = truth.box.copy()
+        box[:, :2] += offset
+        detections = replace(
+            scene.detections, start=truth.start, box=box, velocity=np.zeros((len(box), 2)), class_id=truth.class_id,
+            score=np.ones(len(box)),
+        )  # fmt: skip
+        return replace(scene, detections=detections)
+
+    lasting, fresh = (detector_row([seen(offset)], card, 1.0) for offset in (kept, anew))
+    assert (lasting.error_memory or 0) > 0.95
+    assert abs(fresh.error_memory or 0) < 0.2
+    assert lasting.missed is not None
+    assert lasting.missed < 0.05
+    assert lasting.false < 0.5
