@@ -266,14 +266,7 @@ class _Import:
         )
         if not any(len(each.track_id) for each in rollouts):
             yield "no tracks: identity switches, MOTA and HOTA are not measured"
-        others = self._classes.keys() - set(task.classes)
-        if others:
-            count = counted(sum(self._classes[name] for name in others), "object")
-            names = ", ".join(name or "without a name" for name in sorted(others)[::-1])
-            yield (
-                f"{count} of {counted(len(others), 'other class', 'es')}, left out: "
-                f"{clean_text(names, _MOST_LETTERS)}"
-            )
+        yield from self._left_out()
         missing = [name for name in task.classes if name not in self._classes]
         if missing:
             yield (
@@ -291,4 +284,15 @@ class _Import:
                 "the detector's part of the error is that of "
                 f"{self._card.detector_name}; --own-detections takes the objects of "
                 "the file as detections"
+            )
+
+    def _left_out(self) -> Iterator[str]:
+        """Yield the objects of classes that the task has not, if there are any."""
+        others = self._classes.keys() - set(self._task.classes)
+        if others:
+            count = counted(sum(self._classes[name] for name in others), "object")
+            names = ", ".join(name or "without a name" for name in sorted(others)[::-1])
+            yield (
+                f"{count} of {counted(len(others), 'other class', 'es')}, left out: "
+                f"{clean_text(names, _MOST_LETTERS)}"
             )

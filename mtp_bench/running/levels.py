@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from operator import attrgetter
+from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any, Unpack
 
@@ -111,6 +111,14 @@ class LevelRow(Section):
     ] = None
     effective_objects: float | None = None
 
+    @property
+    def gains(self) -> bool:
+        """True for a lower error than both controls of hypotheses, with p below .05."""
+        differences = (self.same, self.neighbours)
+        ps = (self.same_p, self.neighbours_p)
+        is_lower = all(value is not None and value < 0 for value in differences)
+        return is_lower and all(p is not None and p < _P for p in ps)
+
 
 class DetectorRow(Section):
     """The detections at a level, before any agent."""
@@ -192,36 +200,33 @@ class Robustness:
         return " ".join([self._order(), *self._gains()])
 
     def _order(self) -> str:
-        best: list[tuple[str, float, float]] = []  # agent, level, p to the next
-        contest = [
-            row for row in self.on("all") if row.agent in (*self.agents, _SINGLE)
-        ]
-        for level, group in groupby(contest, key=attrgetter("level")):
-            sign = -1 if self.is_drive else 1
-            ranked = [row for row in group if row.value is not None]
-            first, *others = sorted(ranked, key=lambda row: sign * (row.value or 0))
-            next_p = others[0].best_p if others else None
-            best.append((first.agent, level, 1 if next_p is None else next_p))
         parts = []
-        for agent, run in groupby(best, key=lambda each: each[0]):
-            levels = [(level, p) for _, level, p in run]
-            sure = [level for level, p in levels if p < _P]
-            part = f"{agent} at {_listed([level for level, _ in levels])}"
+        firsts = map(self._first, self.levels)
+        for agent, run in groupby(firsts, key=itemgetter(0)):
+            levels = list(run)
+            part = f"{agent} at {_listed([level for _, level, _ in levels])}"
+            sure = [level for _, level, is_sure in levels if is_sure]
             if sure:
                 part += f" (before the next with p < {_P:g} at {_listed(sure)})"
             parts.append(part)
         name = "Highest drive score" if self.is_drive else "Lowest bADE"
         return f"{name} by {self.knob}: {', then '.join(parts)}."
 
+    def _first(self, level: Level) -> tuple[str, float, bool]:
+        """Return the best agent, the level, and whether the next is surely behind."""
+        agents = (*self.agents, _SINGLE)
+        rows = [
+            row for row in level.rows if row.agent in agents and row.subset == "all"
+        ]
+        sign = -1 if self.is_drive else 1
+        best, *others = sorted(rows, key=lambda row: sign * (row.value or 0))
+        next_p = others[0].best_p if others else None
+        return best.agent, best.level, next_p is not None and next_p < _P
+
     def _gains(self) -> Iterator[str]:
         for agent in self.agents:
             rows = [row for row in self.on("ids") if row.agent == agent]
-            gains = [
-                row.level
-                for row in rows
-                if max(row.same or 0, row.neighbours or 0) < 0
-                and max(row.same_p or 0, row.neighbours_p or 0) < _P
-            ]
+            gains = [row.level for row in rows if row.gains]
             if gains and agent not in CONTROLS:
                 yield (
                     f"On identity switches {agent} gains beyond same samples and "
@@ -335,28 +340,24 @@ def _scores(
     scores = evaluation.scores(settings, caught=False)
     report, _ = evaluation.report(scores, settings)
     tables = {table.setting.agent: table for table in report.tables}
-    tracking = {each.agent: each.tracking.all for each in report.details}
-    errors = {(row.agent, row.subset): row.error for row in report.rows}
-    saw_truth = {each.label for each in settings if each.observe in _TRUTH}
+    error = {(row.agent, row.subset): row.error or 0 for row in report.rows}
+    ranked = [each.label for each in settings if each.observe not in _TRUTH]
+    switches = {}
+    for details in report.details:
+        clear = details.tracking.all
+        if clear.IDS is not None:
+            true_boxes = (clear.TP or 0) + (clear.FN or 0)
+            switches[details.agent] = ratio(100 * clear.IDS, true_boxes)
     rows = []
     for row in report.rows:
         subset = row.subset
         if subset not in _SUBSETS:
             continue
-        same, neighbours, associated = (
+        best = min(ranked, key=lambda agent: error[agent, subset])
+        same, neighbours, associated, first = (
             paired_row(tables[row.agent], tables[name], subset)
-            for name in (_SAME, _NEIGHBOURS, _ASSOCIATED)
+            for name in (_SAME, _NEIGHBOURS, _ASSOCIATED, best)
         )
-        best = min(
-            (each.error or 0, each.agent)
-            for each in report.rows
-            if each.subset == subset and each.agent not in saw_truth
-        )
-        tracks = tracking[row.agent]
-        switches = None
-        if tracks.IDS is not None:
-            true_boxes = (tracks.TP or 0) + (tracks.FN or 0)
-            switches = ratio(100 * tracks.IDS, true_boxes)
         rows.append(
             LevelRow(
                 level=level,
@@ -364,7 +365,7 @@ def _scores(
                 subset=subset,
                 value=row.error,
                 interval=row.interval,
-                relative=ratio(row.error or 0, errors[_SINGLE, subset] or 0),
+                relative=ratio(error[row.agent, subset], error[_SINGLE, subset]),
                 stp=row.difference_to_stp,
                 stp_interval=row.difference_interval,
                 stp_p=row.p,
@@ -376,8 +377,8 @@ def _scores(
                 neighbours_p=neighbours.p,
                 association=associated.error,
                 association_interval=associated.interval,
-                best_p=paired_row(tables[row.agent], tables[best[1]], subset).p,
-                switches=switches,
+                best_p=first.p,
+                switches=switches.get(row.agent),
                 effective_objects=row.effective_objects,
             )
         )

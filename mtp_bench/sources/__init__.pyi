@@ -25,6 +25,11 @@ from .dataset import (
     DataStatus as DataStatus,
     data_root as data_root,
 )
+from .detector_errors import (
+    covered_truth as covered_truth,
+    detection_matches as detection_matches,
+    perturbed as perturbed,
+)
 from .files.columns import BOX_COLUMNS as BOX_COLUMNS
 from .files.save import save_scene as save_scene
 from .kitti.files import KITTI_TYPES as KITTI_TYPES, KittiSource as KittiSource
@@ -46,11 +51,6 @@ from .opening import (
     prepare as prepare,
     with_map as with_map,
     with_tracks as with_tracks,
-)
-from .perturbed import (
-    covered_truth as covered_truth,
-    detection_matches as detection_matches,
-    perturbed as perturbed,
 )
 from .readers import write_table as write_table
 from .simulated import detected as detected, in_world as in_world

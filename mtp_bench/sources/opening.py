@@ -17,7 +17,7 @@ from .base import (
     usable,
 )
 from .dataset import DataStatus
-from .perturbed import perturbed
+from .detector_errors import perturbed
 from .simulated import detected
 from .stored_tracks import find_tracks
 

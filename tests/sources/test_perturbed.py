@@ -9,7 +9,7 @@ from mtp_bench import CardError, DataError, MTPEnv, UnknownNameError
 from mtp_bench.cards import Card, load_card, parse_card, with_perturb
 from mtp_bench.core import Bools, Floats, Ints, Scene, wrap_angle
 from mtp_bench.sources import open_source, perturbed
-from mtp_bench.sources.perturbed import covered_truth, detection_matches, missed
+from mtp_bench.sources.detector_errors import covered_truth, detection_matches, missed
 
 ENV = "MTP-Intersection-v0"
 KNOBS: list[tuple[str, float]] = [

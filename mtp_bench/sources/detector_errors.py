@@ -57,20 +57,17 @@ def perturbed(scene: Scene, card: Card) -> Scene:
     world_scene = in_world(scene)
     rows = _rows_of(world_scene, card)
     if levels.misses < 1:
-        rows = _filled(rows, world_scene, card)
-    elif levels.misses > 1:
-        rows = select(rows, ~_missed_again(rows, world_scene, card))
-    if levels.false != 1:
-        rows = _with_false(rows, world_scene, levels)
+        rows = _filled(rows, world_scene, card, levels)
+    else:
+        rows = select(rows, ~_missed_again(rows, world_scene, card, levels))
+    rows = _with_false(rows, world_scene, levels)
     if levels.noise != 1:
         is_true = rows.true_row >= 0
         true_box = world_scene.truth.box[rows.true_row[is_true]]
         rows.box[is_true] = _with_noise(rows.box[is_true], true_box, levels.noise)
-    if levels.score > 0:
-        least = _least_scores(scene.detections, levels.score)
-        rows = select(rows, rows.score >= least[rows.frame])
-    if levels.delay > 0:
-        rows = _late(rows, world_scene, card, levels.delay)
+    least = _least_scores(scene.detections, levels.score)
+    rows = select(rows, rows.score >= least[rows.frame])
+    rows = _late(rows, world_scene, card, levels.delay)
     order = np.argsort(rows.frame, kind="stable")
     detections = Detections(
         start=starts_of(np.bincount(rows.frame, minlength=scene.frames)),
@@ -179,14 +176,15 @@ def _objects(scene: Scene) -> Iterator[tuple[int, Ints]]:
             yield int(truth.object_id[rows[0]]), rows
 
 
-def _missed_again(rows: _Rows, scene: Scene, card: Card) -> Bools:
+def _missed_again(
+    rows: _Rows, scene: Scene, card: Card, levels: PerturbSection
+) -> Bools:
     """Return the detections [R] that are missed, too.
 
     Each object repeats its own misses level - 1 times, each time later by a random
     number of frames: they are as long as recorded. What would come after the object's
     last frame comes in its first ones, except in a closed loop, whose future is open.
     """
-    levels = card.perturb or PerturbSection()
     was_missed = missed(scene, card, rows.true_row)
     is_missed = np.zeros(len(was_missed), dtype=bool)
     copies = int(np.ceil(levels.misses - 1))
@@ -207,59 +205,51 @@ def _missed_again(rows: _Rows, scene: Scene, card: Card) -> Bools:
     return np.append(is_missed, False)[rows.true_row]
 
 
-def _filled(rows: _Rows, scene: Scene, card: Card) -> _Rows:
+def _filled(rows: _Rows, scene: Scene, card: Card, levels: PerturbSection) -> _Rows:
     """Return the rows with detections of missed objects.
 
     A gap keeps the error and the score of the object's last detection before it, or of
     another object of its class.
     """
-    levels = card.perturb or PerturbSection()
     truth = scene.truth
-    frame = truth.frame_of_rows
     is_missed = missed(scene, card, rows.true_row)
     found = np.flatnonzero(rows.true_row >= 0)
-    detection_of = np.full(len(is_missed), -1)
-    detection_of[rows.true_row[found]] = found
-    filled: list[int] = []
-    donors: list[int] = []
+    donor_of = np.full(len(is_missed), -1)  # the detection of each true box
+    donor_of[rows.true_row[found]] = found
+    is_filled = np.zeros(len(is_missed), dtype=bool)
     for object_id, here in _objects(scene):
         rng = _draws(scene, levels, _MISSES, object_id)
-        donor = -1
-        is_kept = False
-        was_missed = False
-        for row in here.tolist():
-            if not is_missed[row]:
-                was_missed = False
-                if detection_of[row] >= 0:
-                    donor = int(detection_of[row])
+        for first, last in _runs(is_missed[here]):
+            draw, choice = rng.random(2)
+            is_filled[here[first:last]] = draw >= levels.misses
+            if first > 0 and donor_of[here[first - 1]] >= 0:
+                donor_of[here[first:last]] = donor_of[here[first - 1]]
                 continue
-            if not was_missed:
-                draw, choice = rng.random(2)
-                is_kept = draw < levels.misses
-                was_missed = True
-                if donor < 0:
-                    same = rows.class_id[found] == truth.class_id[row]
-                    others = found[same & (rows.frame[found] <= frame[row])]
-                    if len(others):
-                        donor = int(others[int(choice * len(others))])
-            if donor >= 0 and not is_kept:
-                filled.append(row)
-                donors.append(donor)
-    true_row = np.array(filled, dtype=np.int64)
-    donor_row = np.array(donors, dtype=np.int64)
-    donor_truth = rows.true_row[donor_row]
-    moved = rows.velocity[donor_row] - truth.velocity[donor_truth]
+            row = here[first]
+            same = rows.class_id[found] == truth.class_id[row]
+            others = found[same & (rows.frame[found] <= truth.frame_of_rows[row])]
+            if len(others):
+                donor_of[here[first:last]] = others[int(choice * len(others))]
+    true_row = np.flatnonzero(is_filled & (donor_of >= 0))
+    donor = donor_of[true_row]
+    true_box = truth.box[rows.true_row[donor]]
+    moved = rows.velocity[donor] - truth.velocity[rows.true_row[donor]]
     added = _Rows(
-        frame=frame[true_row],
+        frame=truth.frame_of_rows[true_row],
         true_row=true_row,
-        box=_moved(
-            truth.box[true_row], _errors(rows.box[donor_row], truth.box[donor_truth])
-        ),
+        box=_moved(truth.box[true_row], _errors(rows.box[donor], true_box)),
         velocity=truth.velocity[true_row] + moved,
         class_id=truth.class_id[true_row],
-        score=rows.score[donor_row],
+        score=rows.score[donor],
     )
     return joined([rows, added])
+
+
+def _runs(mask: Bools) -> Iterator[tuple[int, int]]:
+    """Yield the first and the one after the last place of each run of True."""
+    edges = np.diff(np.concatenate([[0], mask.astype(int), [0]]))
+    starts = np.flatnonzero(edges > 0).tolist()
+    yield from zip(starts, np.flatnonzero(edges < 0).tolist(), strict=True)
 
 
 def _errors(box: Floats, true_box: Floats) -> Floats:
@@ -296,30 +286,37 @@ def _with_false(rows: _Rows, scene: Scene, levels: PerturbSection) -> _Rows:
     A false object stays or goes as a whole. A new one has the life of one that was
     recorded, and begins at a random time where another one began, seen from the ego.
     """
+    if levels.false == 1:
+        return rows
     lives = list(_lives(select(rows, rows.true_row < 0)))
     rng = _draws(scene, levels, _FALSE)
-    kept = rng.random(len(lives)) < levels.false
     parts = [select(rows, rows.true_row >= 0)]
-    parts += [life for life, is_kept in zip(lives, kept, strict=True) if is_kept]
-    for copy in range(1, int(np.ceil(levels.false))):
+    for copy in range(int(np.ceil(levels.false))):
         for life in lives:
+            # the last copy of a level between whole numbers is that of some alone
             is_used = rng.random() < levels.false - copy
             length = life.frame[-1] - life.frame[0]
-            start = int(rng.integers(0, scene.frames - length))
+            start = int(rng.integers(scene.frames - length))
             other = lives[int(rng.integers(len(lives)))]
-            if not is_used:
-                continue
-            ego = scene.ego
-            from_ego = other.box[0, :2] - ego[other.frame[0], :2]
-            turn = ego[start, 3] - ego[other.frame[0], 3]
-            box = life.box.copy()
-            box[:, :2] = ego[start, :2] + _turned(from_ego, turn)
-            box[:, :2] += _turned(life.box[:, :2] - life.box[0, :2], turn)
-            box[:, 3] = wrap_angle(box[:, 3] + turn)
-            frame = life.frame - life.frame[0] + start
-            velocity = _turned(life.velocity, turn)
-            parts.append(replace(life, frame=frame, box=box, velocity=velocity))
+            if is_used:
+                new = _begun(life, other, start, scene.ego) if copy else life
+                parts.append(new)
     return joined(parts)
+
+
+def _begun(life: _Rows, other: _Rows, start: int, ego: Floats) -> _Rows:
+    """Return a life that begins at frame ``start`` where ``other`` began.
+
+    The ego [F, 4] sees the beginnings in the same place.
+    """
+    from_ego = other.box[0, :2] - ego[other.frame[0], :2]
+    turn = ego[start, 3] - ego[other.frame[0], 3]
+    box = life.box.copy()
+    box[:, :2] = ego[start, :2] + _turned(from_ego, turn)
+    box[:, :2] += _turned(life.box[:, :2] - life.box[0, :2], turn)
+    box[:, 3] = wrap_angle(box[:, 3] + turn)
+    frame = life.frame - life.frame[0] + start
+    return replace(life, frame=frame, box=box, velocity=_turned(life.velocity, turn))
 
 
 def _turned(vector: Floats, angle: float) -> Floats:
@@ -350,7 +347,9 @@ def _least_scores(detections: Detections, level: float) -> Floats:
     It is ``level``, or that quantile of the scores so far, if they are no
     probabilities.
     """
-    least = np.full(detections.frames, level)
+    least = np.full(detections.frames, level or -np.inf)
+    if not level:
+        return least
     for t in range(detections.frames):
         so_far = detections.score[: detections.start[t + 1]]
         if len(so_far) and (so_far.min() < 0 or so_far.max() > 1):
