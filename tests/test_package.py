@@ -21,7 +21,7 @@ PUBLIC = {
     "FunctionPredictor", "MTPEnv", "MtpBenchError", "Objects", "Observation", "Pipeline", "Predictor", "RecordError",
     "Report", "Rollout", "RolloutError", "Sampler", "Scene", "ShapeError", "Submission", "SubmissionError", "Task",
     "Tracker", "Tracks", "Truth", "UnknownNameError", "__version__", "card_ids", "check_agent", "compare",
-    "doctor", "evaluate", "import_forecasts", "load_card", "load_scenes", "load_submission", "make_action", "run", "save_scene", "score", "windows",
+    "doctor", "evaluate", "import_forecasts", "robustness", "load_card", "load_scenes", "load_submission", "make_action", "run", "save_scene", "score", "windows",
 }  # fmt: skip
 LAZY = {"prediction", "scoring", "tracking", "training", "wrappers"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}

@@ -21,7 +21,7 @@ _FRAME_M = 1e6  # between frames, in a search for neighbours
 
 
 class ForecastSigns:
-    """What scenes show of a wrong frame of reference, first step or rate."""
+    """Signs, collected over scenes, of a wrong frame of reference, first step or rate."""
 
     def __init__(self, rate: float) -> None:
         self._second = round(rate)  # frames

@@ -196,7 +196,7 @@ class Robustness:
 
     @property
     def answer(self) -> str:
-        """Who is best at which levels, and where hypotheses gain beyond the controls."""
+        """Sentences: the best agent by level, and gains of hypotheses beyond the controls."""
         return " ".join([self._order(), *self._gains()])
 
     def _order(self) -> str:

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from ..cards import Card, PerturbSection
 from ..core import (
@@ -98,11 +97,20 @@ def detection_matches(scene: Scene, card: Card) -> Ints:
         offset_m = detections.box[here, None, :2] - truth.box[None, there, :2]
         gain = gate_m[truth.class_id[there]] - np.linalg.norm(offset_m, axis=-1)
         is_other = detections.class_id[here, None] != truth.class_id[None, there]
-        gain[is_other | (gain < 0)] = 0
-        row, column = linear_sum_assignment(gain, maximize=True)
-        found = gain[row, column] > 0
-        true_row[here.start + row[found]] = there.start + column[found]
+        row, column = _pairs(gain, is_other)
+        true_row[here.start + row] = there.start + column
     return true_row
+
+
+def _pairs(gain: Floats, is_other: Bools) -> tuple[Ints, Ints]:
+    """Return the pairs of rows and columns with the largest sum of gains above 0."""
+    # not where detections stay as recorded: it takes long to import
+    from scipy.optimize import linear_sum_assignment
+
+    usable = np.where(is_other, 0, np.maximum(gain, 0))
+    row, column = linear_sum_assignment(usable, maximize=True)
+    found = usable[row, column] > 0
+    return row[found], column[found]
 
 
 def missed(scene: Scene, card: Card, true_row: Ints) -> Bools:
@@ -333,10 +341,8 @@ def _lives(rows: _Rows) -> Iterator[_Rows]:
         offset_m = rows.box[here, None, :2] - rows.box[None, before, :2]
         gain = NEAR_M - np.linalg.norm(offset_m, axis=-1)
         is_other = rows.class_id[here, None] != rows.class_id[None, before]
-        gain[is_other | (gain < 0)] = 0
-        row, column = linear_sum_assignment(gain, maximize=True)
-        found = gain[row, column] > 0
-        life[here[row[found]]] = life[before[column[found]]]
+        row, column = _pairs(gain, is_other)
+        life[here[row]] = life[before[column]]
     for number in np.unique(life):
         yield select(rows, life == number)
 
@@ -344,7 +350,7 @@ def _lives(rows: _Rows) -> Iterator[_Rows]:
 def _least_scores(detections: Detections, level: float) -> Floats:
     """Return the least score [F] of a detection in each frame.
 
-    It is ``level``, or that quantile of the scores so far, if they are no
+    It is ``level``, or that quantile of the scores so far where scores are not
     probabilities.
     """
     least = np.full(detections.frames, level or -np.inf)

@@ -22,7 +22,7 @@ from tests.support.command_line import CommandLine, copy_sequence, plain_environ
 from tests.support.small_scenes import write_kitti
 
 COMMANDS = [
-    "envs", "data", "doctor", "run", "score", "compare", "study", "view", "events", "worst", "video", "train", "fit-noise",
+    "envs", "data", "doctor", "run", "score", "compare", "robustness", "study", "view", "events", "worst", "video", "train", "fit-noise",
 ]  # fmt: skip
 COMMANDS += ["new", "check", "submit", "verify", "board", "import", "export", "maintain"]
 TABLES = ["envs", "data", "score", "compare", "events", "worst", "check", "verify", "board"]  # what prints one
