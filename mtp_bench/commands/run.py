@@ -1,5 +1,6 @@
 """``mtp-bench run``, ``score`` and ``export``: stored runs."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from ..running import (
     RunOptions,
     export_forecasts,
     export_tracks,
+    measured_delay,
     official_scores,
     open_run,
     open_runs,
@@ -28,6 +30,7 @@ from .options import (
     JsonOption,
     SubmissionArgument,
     WorkerChoice,
+    choice,
     file_option,
 )
 from .output import prepare, write_json
@@ -48,11 +51,26 @@ def run(
     force: Annotated[
         bool, Option("--force", help="Replace an earlier run in that folder.")
     ] = False,
+    delay: Annotated[
+        str | None,
+        choice(
+            ["measured"],
+            "--delay",
+            text="measured: detections come late by the agent's own time, in whole "
+            "frames.",
+        ),
+    ] = None,
 ) -> None:
     """Run an agent and store its rollouts."""
     options = on.options(workers, [seed])
     require_free(output, force)
     prepare(on.card, options, [agent], on.no_doctor)
+    if delay is not None:
+        frames = measured_delay(agent, on.card, options)
+        options = replace(options, perturb={**(options.perturb or {}), "delay": frames})
+        show(
+            f"{agent} takes the time of {frames} whole frames: --perturb delay={frames}"
+        )
     stored = run_agent(agent, on.card, output, options, replace=force)
     line = skipped_line(stored.skipped)
     if line is not None:

@@ -31,6 +31,7 @@ from .levels import (
     LEVELS as LEVELS,
     LevelRow as LevelRow,
     Robustness as Robustness,
+    measured_delay as measured_delay,
     robustness as robustness,
 )
 from .official import official_scores as official_scores

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -43,7 +43,7 @@ from ..scoring import (
 )
 from ..sources import covered_truth, detection_matches, open_source
 from .drives import compare_driving
-from .evaluation import EnvEvaluation
+from .evaluation import EnvEvaluation, evaluate
 from .options import DEFAULTS, RunKeywords, RunOptions
 from .settings import Setting, require_list, setting_of
 
@@ -288,6 +288,16 @@ def robustness(
                 finished.append(_level(settings, evaluation, level, path))
     names = tuple(setting.label for setting in settings[: len(agents)])
     return Robustness(card.id, knob, names, tuple(finished), card.drive is not None)
+
+
+def measured_delay(agent: object, env_id: str | Card, options: RunOptions) -> int:
+    """Return the whole frames that an agent's time takes, on this machine.
+
+    It is the mean time of a frame of the first scene.
+    """
+    report = evaluate(agent, env_id, replace(options, scenes=1))
+    seconds = (report.rows[0].ms_per_frame or 0) / 1000
+    return int(seconds * options.card(env_id).task.rate)
 
 
 def _settings(agents: Sequence[object], card: Card) -> list[Setting]:

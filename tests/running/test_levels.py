@@ -214,3 +214,41 @@ def test_memory_of_errors_and_misses() -> None:
     assert lasting.missed is not None
     assert lasting.missed < 0.05
     assert lasting.false < 0.5
+
+
+SLOW = '''
+import time
+
+from mtp_bench import load_submission
+
+
+class Slow:
+    """stp, and a second of waiting in each frame."""
+
+    def __init__(self, task):
+        self._agent = load_submission("stp").build(task)
+
+    def reset(self, task):
+        self._agent.reset(task)
+
+    def act(self, observation):
+        time.sleep(0.6)
+        return self._agent.act(observation)
+'''
+
+
+def test_the_time_of_an_agent_is_a_delay_in_whole_frames(cli: CommandLine, tmp_path: Path) -> None:
+    """At 2 Hz, 0.6 s are one whole frame; what is stored repeats it."""
+    (tmp_path / "slow").mkdir()
+    (tmp_path / "slow/agent.py").write_text(SLOW)
+    (tmp_path / "slow/submission.toml").write_text(
+        'name = "slow"\nauthors = ["me"]\ndescription = "waits"\nlicense = "MIT"\nagent = "agent:Slow"\n'
+    )
+    where = ("--env", ENV, "--scenes", 1, "--jobs", 1)
+    out = cli.ok("run", tmp_path / "slow", *where, "--delay", "measured", "-o", tmp_path / "late")
+    assert "--perturb delay=1" in out
+    assert load_run(tmp_path / "late").info.keywords["perturb"] == {"delay": 1}
+    cli.ok("run", "stp", *where, "--perturb", "delay=1", "-o", tmp_path / "same")
+    digests = [[each.forecast.tobytes() for each in load_run(tmp_path / name).rollouts] for name in ("late", "same")]
+    assert digests[0] == digests[1]
+    assert "0 whole frames" in cli.ok("run", "stp", *where, "--delay", "measured", "-o", tmp_path / "quick")
