@@ -147,12 +147,14 @@ class Level(Section):
 class Robustness:
     """Agents at the levels of a knob.
 
-    ``agents``: those that were asked for.
+    ``agents``: those that were asked for and are not shown the truth; ``several``: of
+    these, those with several hypotheses.
     """
 
     env: str
     knob: str
     agents: tuple[str, ...]
+    several: tuple[str, ...]
     levels: tuple[Level, ...]
     is_drive: bool
 
@@ -224,14 +226,14 @@ class Robustness:
         return best.agent, best.level, next_p is not None and next_p < _P
 
     def _gains(self) -> Iterator[str]:
-        for agent in self.agents:
+        for agent in self.several:
             rows = [row for row in self.on("ids") if row.agent == agent]
             gains = [row.level for row in rows if row.gains]
-            if gains and agent not in CONTROLS:
-                yield (
-                    f"On identity switches {agent} gains beyond same samples and "
-                    f"neighbours (p < {_P:g}) at {_listed(gains)}."
-                )
+            where = _listed(gains) if gains else "no level"
+            yield (
+                f"On identity switches {agent} gains beyond same samples and neighbours "
+                f"(p < {_P:g}) at {where}."
+            )
 
     def to_frame(self) -> Any:
         """Return the rows as a DataFrame.
@@ -286,8 +288,15 @@ def robustness(
                     None if folder is None else Path(folder) / f"{knob}-{level:g}.json"
                 )
                 finished.append(_level(settings, evaluation, level, path))
-    names = tuple(setting.label for setting in settings[: len(agents)])
-    return Robustness(card.id, knob, names, tuple(finished), card.drive is not None)
+    asked = [each for each in settings[: len(agents)] if each.observe not in _TRUTH]
+    return Robustness(
+        env=card.id,
+        knob=knob,
+        agents=tuple(each.label for each in asked),
+        several=tuple(each.label for each in asked if (each.hypotheses or 1) > 1),
+        levels=tuple(finished),
+        is_drive=card.drive is not None,
+    )
 
 
 def measured_delay(agent: object, env_id: str | Card, options: RunOptions) -> int:
