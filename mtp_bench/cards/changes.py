@@ -343,8 +343,12 @@ def with_perturb(card: Card, levels: Mapping[str, float] | None) -> Card:
     detections. Raises CardError for another knob, a level beyond its limits, and for
     false detections of a closed loop, whose later frames they need.
     """
+    if not isinstance(levels, Mapping | None):
+        raise CardError(
+            f"perturb is {levels!r}, expected levels by knob, such as {{'noise': 2.0}}"
+        )
     section = validate(
-        PerturbSection, dict(levels or {}), f"{card.id}, perturb", CardError
+        PerturbSection, {**(levels or {})}, f"{card.id}, perturb", CardError
     )
     if card.drive is not None and section.false != 1:
         raise CardError(

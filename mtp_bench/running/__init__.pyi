@@ -29,6 +29,7 @@ from .forecast_export import (
 from .forecast_import import import_forecasts as import_forecasts
 from .levels import (
     LEVELS as LEVELS,
+    Level as Level,
     LevelRow as LevelRow,
     Robustness as Robustness,
     measured_delay as measured_delay,

@@ -187,6 +187,8 @@ WRONG: dict[str, tuple[dict[str, float], type[Exception], str]] = {
     "a knob": ({"nois": 2.0}, CardError, "nois"),
     "below 0": ({"noise": -1.0}, CardError, "perturb.*noise"),
     "not a number": ({"noise": float("nan")}, CardError, "perturb.*noise"),
+    "no levels": ("noise", CardError, "perturb is 'noise', expected levels by knob"),  # type: ignore[dict-item]
+    "true": ({"noise": True}, CardError, "perturb.*noise"),
     "a text": ({"noise": "high"}, CardError, "perturb.*noise"),  # type: ignore[dict-item]
 }
 
