@@ -53,11 +53,13 @@ def robustness(
     prepare(on.card, options, agents, on.no_doctor)
     result = run_robustness(agents, on.card, knob, chosen, options, folder)
     write_json(json_file, result.to_json())
-    write_table(table_file, result.tables, result.data_table)
+    write_table(table_file, result.tables, result.table())
     if plot is not None:
         draw_curves([result], plot)
     if json_file != STANDARD_OUTPUT:
         for table in result.tables:
             show_table(table)
             show_lines([table.sentence])
-        show_lines([result.answer])
+        ratios = result.mean_relative.items()
+        means = ", ".join(f"{agent} {ratio:.2f}" for agent, ratio in ratios)
+        show_lines([result.answer, f"Mean over levels, by stp: {means}."])

@@ -80,13 +80,13 @@ def compare_driving(
             raise SubmissionError(
                 f"control {role_names[role]!r} failed: {failures[role_names[role]]}"
             )
-    ways_m = _reference_ways(card, drives[role_names["ground_truth"]])
+    ways_m = reference_ways(card, drives[role_names["ground_truth"]])
     stp = drives[role_names["single"]]
     rows = driving_rows(list(drives.values()), ways_m, stp)
     return DrivingComparison(card.id, rows, drives, failures)
 
 
-def _reference_ways(card: Card, truth: AgentDrives) -> dict[str, float]:
+def reference_ways(card: Card, truth: AgentDrives) -> dict[str, float]:
     """Return the ego's way with ground-truth tracks by scene, m driven.
 
     The frozen distances, if there are any, else means over the drives of ``truth``.

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import itemgetter
@@ -12,7 +12,7 @@ from typing import Annotated, Any, Unpack
 import numpy as np
 
 from ..agent import controls, submission_of
-from ..cards import Card
+from ..cards import Card, PerturbSection
 from ..core import (
     Column,
     DataError,
@@ -22,6 +22,7 @@ from ..core import (
     Section,
     SubmissionError,
     Table,
+    columns_of,
     long_work,
     read_json,
     require_known,
@@ -30,19 +31,22 @@ from ..core import (
 )
 from ..scoring import (
     DEFINITIONS,
+    SIGNIFICANT,
     SUBSET_NAMES,
-    Difference,
-    Interval,
     IntervalColumn,
     Metres,
+    PairedDifference,
     Share,
     Subset,
     data_frame,
-    paired_row,
+    numbers_of,
+    paired_difference,
     ratio,
+    scene_scores,
+    score_interval,
 )
 from ..sources import covered_truth, detection_matches, open_source
-from .drives import compare_driving
+from .drives import drives_of, reference_ways
 from .evaluation import EnvEvaluation, evaluate
 from .options import DEFAULTS, RunKeywords, RunOptions
 from .settings import Setting, require_list, setting_of
@@ -54,21 +58,17 @@ LEVELS = {  # of each knob of `PerturbSection`
     "noise": (0.0, 0.5, 1.0, 2.0, 4.0),
     "delay": (0.0, 0.5, 1.0, 2.0),
 }
-_P = 0.05
 _TRUTH = ("truth", "associated")  # what agents observe that are never ranked
 _SUBSETS: tuple[Subset, ...] = ("all", "ids")
 _SINGLE, _SAME, _NEIGHBOURS, _ASSOCIATED = CONTROLS = tuple(
     controls()[role]
     for role in ("single", "same_samples", "neighbours", "associated_same_samples")
 )
+_TRUTH_TRACKS = controls()["ground_truth"]
 _SENTENCE = (
     "Below a number: 95 % interval. Differences are to stp and to controls; a gain of "
     "hypotheses must exceed those of same samples and of neighbours."
 )
-_PColumn = Annotated[
-    float | None,
-    Column("p", format=".3f", optional=True, help="Of the sign-flip test."),
-]
 _Correlation = Annotated[float | None, Column(format=".2f")]
 
 
@@ -78,46 +78,16 @@ class LevelRow(Section):
     level: Annotated[float, Column(format="g", help="Of the knob.")]
     agent: Annotated[str, Column(help="Name of the submission.")]
     subset: Subset
-    value: Annotated[
-        float | None, Column(help="bADE in m; in a closed loop the drive score.")
-    ]
+    value: Annotated[float, Column(help="bADE in m; in a closed loop the drive score.")]
     interval: IntervalColumn
-    relative: Annotated[
-        float | None, Column("by stp", format=".2f", help="Value by that of stp.")
-    ] = None
-    stp: Annotated[Difference, Column("to stp", help="Value less that of stp.")]
-    stp_interval: IntervalColumn
-    stp_p: _PColumn
-    same: Annotated[
-        Difference,
-        Column("to same samples", optional=True, help="Less that of the control."),
-    ] = None
-    same_interval: IntervalColumn = None
-    same_p: _PColumn = None
-    neighbours: Annotated[
-        Difference,
-        Column("to neighbours", optional=True, help="Less that of the control."),
-    ] = None
-    neighbours_interval: IntervalColumn = None
-    neighbours_p: _PColumn = None
-    association: Annotated[
-        Difference, Column(optional=True, help="Less that of perfect association.")
-    ] = None
-    association_interval: Interval | None = None
-    best_p: float | None = None  # of the difference to the best agent of the level
+    # of the units: the value times the weight, and the weight
+    sums: list[float]
+    weights: list[float]
     switches: Annotated[
         float | None,
         Column("IDS", format=".1f", optional=True, help="Per 100 true boxes."),
     ] = None
     effective_objects: float | None = None
-
-    @property
-    def gains(self) -> bool:
-        """True for a lower error than both controls of hypotheses, with p below .05."""
-        differences = (self.same, self.neighbours)
-        ps = (self.same_p, self.neighbours_p)
-        is_lower = all(value is not None and value < 0 for value in differences)
-        return is_lower and all(p is not None and p < _P for p in ps)
 
 
 class DetectorRow(Section):
@@ -167,41 +137,63 @@ class Robustness:
         """Return the rows on a subset."""
         return [row for row in self.rows if row.subset == subset]
 
+    def difference(
+        self, row: LevelRow, agent: str | None = None, level: float | None = None
+    ) -> PairedDifference | None:
+        """Return a row less that of another agent or level, by unit.
+
+        None: the same row, or no such one.
+        """
+        key = (agent or row.agent, row.level if level is None else level)
+        for other in self.on(row.subset):
+            if other is not row and (other.agent, other.level) == key:
+                return paired_difference(row.sums, other.sums, row.weights)
+        return None
+
+    @property
+    def recorded(self) -> float:
+        """Level of the detections as recorded."""
+        return float(getattr(PerturbSection(), self.knob))
+
+    def table(self, subset: Subset | None = None) -> Table:
+        """Return the rows, or those of a subset, with differences to controls."""
+        rows = self.rows if subset is None else self.on(subset)
+        name = "" if subset is None else f": {SUBSET_NAMES[subset]}"
+        columns = [
+            *columns_of(LevelRow),
+            *_columns(
+                "recorded", lambda row: self.difference(row, None, self.recorded)
+            ),
+            *_columns("stp", lambda row: self.difference(row, _SINGLE)),
+            *_columns("same samples", lambda row: self.difference(row, _SAME)),
+            *_columns("neighbours", lambda row: self.difference(row, _NEIGHBOURS)),
+            *_columns("associated", lambda row: self.difference(row, _ASSOCIATED)),
+        ]
+        title = f"{self.env}, {self.knob}{name}"
+        return Table(subset or "robustness", title, _SENTENCE, rows, columns)
+
     @property
     def tables(self) -> list[Table]:
         """Tables of the subsets, and of the detector."""
-        title = f"{self.env}, {self.knob}"
-        tables = [
-            Table(subset, f"{title}: {SUBSET_NAMES[subset]}", _SENTENCE, rows)
-            for subset in _SUBSETS
-            if (rows := self.on(subset))
-        ]
+        tables = [self.table(subset) for subset in _SUBSETS if self.on(subset)]
         detector = [level.detector for level in self.levels if level.detector]
         if detector:
-            tables.append(Table("detector", f"{title}: detections", "", detector))
+            title = f"{self.env}, {self.knob}: detections"
+            tables.append(Table("detector", title, "", detector))
         return tables
-
-    @property
-    def data_table(self) -> Table:
-        """All rows as one table, for files."""
-        return Table("robustness", f"{self.env}, {self.knob}", _SENTENCE, self.rows)
 
     @property
     def mean_relative(self) -> dict[str, float]:
         """Mean over levels of each agent's value by that of stp."""
-        rows = self.on("all")
-        ratios = {
-            agent: [row.relative or 0 for row in rows if row.agent == agent]
-            for agent in dict.fromkeys(row.agent for row in rows)
-        }
+        stp = {row.level: row.value for row in self.on("all") if row.agent == _SINGLE}
+        ratios: dict[str, list[float]] = {}
+        for row in self.on("all"):
+            ratios.setdefault(row.agent, []).append(row.value / stp[row.level])
         return {agent: float(np.mean(each)) for agent, each in ratios.items()}
 
     @property
     def answer(self) -> str:
         """Sentences: the best agent by level, and gains of hypotheses beyond the controls."""
-        return " ".join([self._order(), *self._gains()])
-
-    def _order(self) -> str:
         parts = []
         firsts = map(self._first, self.levels)
         for agent, run in groupby(firsts, key=itemgetter(0)):
@@ -209,10 +201,13 @@ class Robustness:
             part = f"{agent} at {_listed([level for _, level, _ in levels])}"
             sure = [level for _, level, is_sure in levels if is_sure]
             if sure:
-                part += f" (before the next with p < {_P:g} at {_listed(sure)})"
+                part += (
+                    f" (before the next with p < {SIGNIFICANT:g} at {_listed(sure)})"
+                )
             parts.append(part)
         name = "Highest drive score" if self.is_drive else "Lowest bADE"
-        return f"{name} by {self.knob}: {', then '.join(parts)}."
+        order = f"{name} by {self.knob}: {', then '.join(parts)}."
+        return " ".join([order, *map(self._gain, self.several)])
 
     def _first(self, level: Level) -> tuple[str, float, bool]:
         """Return the best agent, the level, and whether the next is surely behind."""
@@ -220,27 +215,31 @@ class Robustness:
         rows = [
             row for row in level.rows if row.agent in agents and row.subset == "all"
         ]
-        sign = -1 if self.is_drive else 1
-        best, *others = sorted(rows, key=lambda row: sign * (row.value or 0))
-        next_p = others[0].best_p if others else None
-        return best.agent, best.level, next_p is not None and next_p < _P
+        best, *others = sorted(rows, key=lambda row: row.value, reverse=self.is_drive)
+        lead = self.difference(best, others[0].agent) if others else None
+        return best.agent, best.level, lead is not None and lead.significant
 
-    def _gains(self) -> Iterator[str]:
-        for agent in self.several:
-            rows = [row for row in self.on("ids") if row.agent == agent]
-            gains = [row.level for row in rows if row.gains]
-            where = _listed(gains) if gains else "no level"
-            yield (
-                f"On identity switches {agent} gains beyond same samples and neighbours "
-                f"(p < {_P:g}) at {where}."
-            )
+    def _gain(self, agent: str) -> str:
+        gains = []
+        for row in self.on("ids"):
+            controls = (self.difference(row, name) for name in (_SAME, _NEIGHBOURS))
+            if row.agent == agent and all(
+                each is not None and each.mean < 0 and each.significant
+                for each in controls
+            ):
+                gains.append(row.level)
+        where = _listed(gains) if gains else "no level"
+        return (
+            f"On identity switches {agent} gains beyond same samples and neighbours "
+            f"(p < {SIGNIFICANT:g}) at {where}."
+        )
 
     def to_frame(self) -> Any:
         """Return the rows as a DataFrame.
 
         Raises MtpBenchError without pandas.
         """
-        return data_frame(self.rows, LevelRow)
+        return data_frame(self.table().records)
 
     def to_json(self) -> dict[str, Any]:
         """Return all numbers, the answer and `mean_relative` as plain values."""
@@ -250,11 +249,26 @@ class Robustness:
             "knob": self.knob,
             "answer": self.answer,
             "mean_relative": self.mean_relative,
+            "rows": self.table().records,
             "levels": [level.model_dump(mode="json") for level in self.levels],
         }
 
     def __repr__(self) -> str:
         return self.answer
+
+
+def _columns(
+    name: str, find: Callable[[LevelRow], PairedDifference | None]
+) -> Iterator[Column]:
+    """Yield the columns of a difference, its interval and its p."""
+    key = name.replace(" ", "_")
+    numbers = (lambda row, i=i: numbers_of(find(row))[i] for i in range(3))
+    mean, interval, p = numbers
+    yield Column(
+        f"to {name}", "", "", "+.3f", optional=True, key=f"to_{key}", read=mean
+    )
+    yield Column(interval=True, key=f"to_{key}_interval", read=interval)
+    yield Column("p", format=".3f", optional=True, key=f"to_{key}_p", read=p)
 
 
 def robustness(
@@ -311,7 +325,7 @@ def measured_delay(agent: object, env_id: str | Card, options: RunOptions) -> in
 
 def _settings(agents: Sequence[object], card: Card) -> list[Setting]:
     """Return the settings of agents and controls with k samples."""
-    needed = CONTROLS if card.drive is None else (_SINGLE,)
+    needed = CONTROLS if card.drive is None else (_SINGLE, _TRUTH_TRACKS)
     every_agent = [*agents, *(name for name in needed if name not in agents)]
     return [setting_of(submission_of(agent), card) for agent in every_agent]
 
@@ -359,8 +373,6 @@ def _scores(
     scores = evaluation.scores(settings, caught=False)
     report, _ = evaluation.report(scores, settings)
     tables = {table.setting.agent: table for table in report.tables}
-    error = {(row.agent, row.subset): row.error or 0 for row in report.rows}
-    ranked = [each.label for each in settings if each.observe not in _TRUTH]
     switches = {}
     for details in report.details:
         clear = details.tracking.all
@@ -369,63 +381,47 @@ def _scores(
             switches[details.agent] = ratio(100 * clear.IDS, true_boxes)
     rows = []
     for row in report.rows:
-        subset = row.subset
-        if subset not in _SUBSETS:
-            continue
-        best = min(ranked, key=lambda agent: error[agent, subset])
-        same, neighbours, associated, first = (
-            paired_row(tables[row.agent], tables[name], subset)
-            for name in (_SAME, _NEIGHBOURS, _ASSOCIATED, best)
-        )
-        rows.append(
-            LevelRow(
-                level=level,
-                agent=row.agent,
-                subset=subset,
-                value=row.error,
-                interval=row.interval,
-                relative=ratio(error[row.agent, subset], error[_SINGLE, subset]),
-                stp=row.difference_to_stp,
-                stp_interval=row.difference_interval,
-                stp_p=row.p,
-                same=same.error,
-                same_interval=same.interval,
-                same_p=same.p,
-                neighbours=neighbours.error,
-                neighbours_interval=neighbours.interval,
-                neighbours_p=neighbours.p,
-                association=associated.error,
-                association_interval=associated.interval,
-                best_p=first.p,
-                switches=switches.get(row.agent),
-                effective_objects=row.effective_objects,
+        if row.subset in _SUBSETS and row.error is not None:
+            units = tables[row.agent].sums_on(row.subset)
+            rows.append(
+                LevelRow(
+                    level=level,
+                    agent=row.agent,
+                    subset=row.subset,
+                    value=row.error,
+                    interval=row.interval,
+                    sums=units.error.tolist(),
+                    weights=units.weight.tolist(),
+                    switches=switches.get(row.agent),
+                    effective_objects=row.effective_objects,
+                )
             )
-        )
     return rows
 
 
 def _drives(
     settings: Sequence[Setting], evaluation: EnvEvaluation, level: float
 ) -> list[LevelRow]:
-    """Let agents drive in a closed loop."""
-    driven = compare_driving([each.submission for each in settings], evaluation)
-    for agent, reason in driven.failures.items():
+    """Let agents drive in a closed loop; a scene is a unit."""
+    drives, failures = drives_of(settings, evaluation)
+    for agent, reason in failures.items():
         raise SubmissionError(f"agent {agent!r} {reason}")
-    score = {row.agent: row.drive_score for row in driven.rows}
-    return [
-        LevelRow(
-            level=level,
-            agent=row.agent,
-            subset="all",
-            value=row.drive_score,
-            interval=row.interval,
-            relative=ratio(row.drive_score, score[_SINGLE]),
-            stp=row.difference,
-            stp_interval=row.difference_interval,
-            stp_p=row.p,
+    ways_m = reference_ways(evaluation.card, drives[_TRUTH_TRACKS])
+    rows = []
+    for agent, driven in drives.items():
+        scores = scene_scores(driven, ways_m)
+        rows.append(
+            LevelRow(
+                level=level,
+                agent=agent,
+                subset="all",
+                value=float(scores.mean()),
+                interval=score_interval(scores),
+                sums=scores.tolist(),
+                weights=[1.0] * len(scores),
+            )
         )
-        for row in driven.rows
-    ]
+    return rows
 
 
 def detector_row(scenes: Iterable[Scene], card: Card, level: float) -> DetectorRow:

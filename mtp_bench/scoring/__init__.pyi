@@ -31,6 +31,7 @@ from .driving import (
     driving_rows as driving_rows,
     fault_interval as fault_interval,
     scene_score as scene_score,
+    scene_scores as scene_scores,
     score_interval as score_interval,
 )
 from .events import (
@@ -133,7 +134,6 @@ from .rows import (
     Clear as Clear,
     Count as Count,
     Details as Details,
-    Difference as Difference,
     Interval as Interval,
     IntervalColumn as IntervalColumn,
     Metres as Metres,
@@ -141,7 +141,6 @@ from .rows import (
     PairedRow as PairedRow,
     Point as Point,
     Probability as Probability,
-    PValue as PValue,
     Reliability as Reliability,
     Row as Row,
     Share as Share,
@@ -157,6 +156,7 @@ from .statistics import (
     UnitSums as UnitSums,
     bootstrap_interval as bootstrap_interval,
     effective_number as effective_number,
+    numbers_of as numbers_of,
     paired_difference as paired_difference,
     ratio as ratio,
     share_interval as share_interval,

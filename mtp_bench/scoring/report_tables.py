@@ -9,7 +9,6 @@ from ..cards import load_card
 from ..core import (
     Column,
     MtpBenchError,
-    Section,
     Table,
     card_ids,
     columns_of,
@@ -91,7 +90,8 @@ class Report:
         It has a row per agent, setting and subset. Raises MtpBenchError if pandas is
         not installed.
         """
-        return data_frame(self.rows, Row)
+        records = [row.model_dump() for row in self.rows]
+        return data_frame(records, list(Row.model_fields))
 
     def per_scene(self) -> list[dict[str, Any]]:
         """Return the numbers of single scenes, as plain values.
@@ -114,8 +114,10 @@ class Report:
         return content
 
 
-def data_frame(rows: Sequence[Section], kind: type[Section]) -> Any:
-    """Return rows of one ``kind`` as a DataFrame.
+def data_frame(
+    records: Sequence[dict[str, Any]], columns: Sequence[str] | None = None
+) -> Any:
+    """Return records as a DataFrame; ``columns``: of one without records.
 
     Raises MtpBenchError if pandas is not installed.
     """
@@ -125,8 +127,7 @@ def data_frame(rows: Sequence[Section], kind: type[Section]) -> Any:
         raise MtpBenchError(
             "to_frame needs pandas, which is not installed: pip install pandas"
         ) from None
-    content = [row.model_dump() for row in rows]
-    return pandas.DataFrame(content, columns=list(kind.model_fields))
+    return pandas.DataFrame(records, columns=columns)
 
 
 def _agent_name(row: Row) -> str:

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...cards import PerturbSection
-from ...running import LevelRow, Robustness
+import numpy as np
+
+from ...running import Robustness
+from ...scoring import numbers_of
 from .figures import NO_DATE, REFERENCE_COLOR, STYLE, add_legend, panels
 
 
@@ -22,10 +24,9 @@ def draw_curves(curves: Sequence[Robustness], path: Path, dark: bool = False) ->
         for curve, (above, below) in zip(curves, axes.T, strict=True):
             rows = curve.on("all")
             for agent in dict.fromkeys(row.agent for row in rows):
-                _draw_agent(above, below, [row for row in rows if row.agent == agent])
+                _draw_agent(above, below, curve, agent)
             for axis in (above, below):
-                recorded = getattr(PerturbSection(), curve.knob)
-                axis.axvline(recorded, color=REFERENCE_COLOR, linestyle="--")
+                axis.axvline(curve.recorded, color=REFERENCE_COLOR, linestyle="--")
             above.set(title=f"{curve.env}, {curve.knob}")
             below.set(xlabel=curve.knob)
         value = "drive score" if curves[0].is_drive else "bADE, m"
@@ -35,12 +36,12 @@ def draw_curves(curves: Sequence[Robustness], path: Path, dark: bool = False) ->
         figure.savefig(path, metadata=NO_DATE[path.suffix])
 
 
-def _draw_agent(above: Any, below: Any, rows: Sequence[LevelRow]) -> None:
+def _draw_agent(above: Any, below: Any, curve: Robustness, agent: str) -> None:
+    rows = [row for row in curve.on("all") if row.agent == agent]
     level = [row.level for row in rows]
-    (line,) = above.plot(level, [row.value for row in rows], label=rows[0].agent)
-    below.plot(level, [row.stp for row in rows], color=line.get_color(), marker="")
-    known = [row for row in rows if row.stp_interval is not None]
-    if known:
-        low, high = zip(*(row.stp_interval or () for row in known), strict=True)
-        band = {"color": line.get_color(), "alpha": 0.15, "linewidth": 0}
-        below.fill_between([row.level for row in known], low, high, **band)
+    (line,) = above.plot(level, [row.value for row in rows], label=agent)
+    numbers = [numbers_of(curve.difference(row, "stp")) for row in rows]
+    color = line.get_color()
+    below.plot(level, [mean or 0 for mean, *_ in numbers], color=color, marker="")
+    ends = [interval or (np.nan, np.nan) for _, interval, _ in numbers]
+    below.fill_between(level, *np.transpose(ends), color=color, alpha=0.15, linewidth=0)
