@@ -41,7 +41,7 @@ from .own import (
 )
 from .source import STORED_DETECTOR, FilesSource, read_source
 
-VARIANTS = ("iid", "hard")  # of a card's own simulated detector
+IID = "iid"  # the variant of a card's own simulated detector
 
 
 class ChangeKeywords(TypedDict, total=False):
@@ -51,7 +51,7 @@ class ChangeKeywords(TypedDict, total=False):
     """
 
     split: str | None  # another split of the card's source, such as "train"
-    # another detector: simulated, by a profile, "iid" or "hard"; on nuScenes also
+    # another detector: simulated, by a profile, or "iid"; on nuScenes also
     # stored, by the first part of the names of its files
     detector: str | None
     # file or folder of one's own stored detections, in place of the card's
@@ -190,8 +190,8 @@ def with_classes(card: Card, classes: Sequence[str]) -> Card:
 def with_detector(card: Card, name: str) -> Card:
     """Return the card with another detector, of the same reach.
 
-    ``name``: a shipped profile, the path of a profile (.toml), or "iid" or "hard" for
-    that variant of the card's own profile. On nuScenes any other name stands for the
+    ``name``: a shipped profile, the path of a profile (.toml), or "iid" for that
+    variant of the card's own profile. On nuScenes any other name stands for the
     stored detections ``detections/<name>*.json``. Raises UnknownNameError or CardError.
     """
     source = card.source
@@ -206,7 +206,7 @@ def with_detector(card: Card, name: str) -> Card:
         "source": source,
         "detector": section.model_copy(update=update),
     }
-    if name not in VARIANTS:  # the parameters suit the card's own detector
+    if name != IID:  # the parameters suit the card's own detector
         changes["tracker"] = {}
     changed = card.model_copy(update=changes)
     check_detector(changed, card.id)
@@ -218,7 +218,7 @@ def _detector_update(card: Card, name: str) -> dict[str, object] | None:
 
     None for a stored detector.
     """
-    if name in VARIANTS:
+    if name == IID:
         if card.detector is None:
             raise CardError(
                 f"detector {name!r} is a variant of a simulated detector, "
@@ -232,7 +232,7 @@ def _detector_update(card: Card, name: str) -> dict[str, object] | None:
     if name in profile_names():
         return {"profile": name, "noise": None, "variant": "as_fitted"}
     if not card.source.traits.other_detections or card.detector is not None:
-        names = [*profile_names(), *VARIANTS]
+        names = [*profile_names(), IID]
         advice = "or give the path of a .toml file"
         raise UnknownNameError("detector profile", name, names, advice)
     if not re.fullmatch(STORED_DETECTOR, name):

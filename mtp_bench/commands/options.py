@@ -178,7 +178,7 @@ class EnvScenes:
     detector: Annotated[
         str | None,
         Option(
-            help="Another detector. Simulated: a profile, iid, hard or a .toml file of "
+            help="Another detector. Simulated: a profile, iid or a .toml file of "
             "a profile. Stored (nuScenes): the first part of its files' names."
         ),
     ] = None

@@ -28,7 +28,7 @@ _ASCENDING = rule(
     lambda values: all(a <= b for a, b in itertools.pairwise(values)),
     "expected ascending numbers",
 )
-Variant = Literal["as_fitted", "iid", "hard"]
+Variant = Literal["as_fitted", "iid"]
 Share = Annotated[float, Field(ge=0, le=1)]
 Scale = Annotated[float, Field(ge=0)]
 Correlation = Annotated[float, Field(gt=-1, lt=1)]

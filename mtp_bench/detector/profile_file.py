@@ -12,9 +12,6 @@ from ..core import CardError, Section, read_toml, require_known, validate
 from .profile import ClassNoise, Profile, Variant
 
 _FOLDER = Path(__file__).parent / "profiles"
-_HARD_FACTOR = 2.0  # on position errors and on false positives of "hard"
-# decrease of the quality of all objects; adds about 1 to the log-odds of a miss
-_HARD_QUALITY_LOSS = 0.6
 _NO_MEMORY = {"bias": 0.0, "ar": 0.0, "white": 1.0, "phi": 0.0}
 
 
@@ -66,17 +63,15 @@ def _read(path: Path) -> Profile:
 
 
 def with_variant(profile: Profile, variant: Variant) -> Profile:
-    """Return a variant of ``profile``, named "<name>-iid" or "<name>-hard".
+    """Return a variant of ``profile``.
 
-    "as_fitted": the profile itself; "iid": the same recall and error distributions
-    without memory; "hard": lower quality, twice the position errors and false
-    positives.
+    "as_fitted": the profile itself; "iid": "<name>-iid", with the same recall and error
+    distributions without memory.
     """
     if variant == "as_fitted":
         return profile
-    change = _without_memory if variant == "iid" else _harder
     classes = {
-        name: noise.model_copy(update=change(noise))
+        name: noise.model_copy(update=_without_memory(noise))
         for name, noise in profile.classes.items()
     }
     name = f"{profile.name}-{variant}"
@@ -100,27 +95,6 @@ def _without_memory(noise: ClassNoise) -> dict[str, Any]:
         "free": _with(noise.free, **_NO_MEMORY, survive=0.0),
         "near": _with(noise.near, **_NO_MEMORY),
     }
-
-
-def _harder(noise: ClassNoise) -> dict[str, Any]:
-    """Return the parts of a noise that become harder."""
-    first, *other_levels = noise.quality.location
-    location = (first - _HARD_QUALITY_LOSS, *other_levels)
-    changes: dict[str, Any] = {"quality": _with(noise.quality, location=location)}
-    for name in ("radial", "tangential"):
-        axis = getattr(noise, name)
-        changes[name] = _with(
-            axis, s0=_HARD_FACTOR * axis.s0, s1=_HARD_FACTOR * axis.s1
-        )
-    if noise.free is not None:
-        rate = _HARD_FACTOR * noise.free.rate
-        # the relative difference between scenes stays
-        dispersion = 1.0 + _HARD_FACTOR * (noise.free.dispersion - 1.0)
-        changes["free"] = _with(noise.free, rate=rate, dispersion=dispersion)
-    if noise.near is not None:
-        chance = min(_HARD_FACTOR * noise.near.chance, 1.0)
-        changes["near"] = _with(noise.near, chance=chance)
-    return changes
 
 
 def _with(part: Section | None, **changes: Any) -> Section | None:

@@ -46,7 +46,7 @@ def detector_names() -> tuple[str, ...]:
 def family_of(detector: str) -> str:
     """Return the detector's name without its variant.
 
-    It is "kitti_pointrcnn" for "kitti_pointrcnn-hard".
+    It is "kitti_pointrcnn" for "kitti_pointrcnn-iid".
     """
     return detector.split("-", maxsplit=1)[0]
 

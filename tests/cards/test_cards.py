@@ -162,7 +162,7 @@ SIMULATED: dict[str, object] = {  # of MTP-Intersection-v0
     "source.pedestrians": 0,
     "source.seeds.train": [0, 2],
     "detector.profile": "nuscenes_centerpoint",
-    "detector.variant": "hard",
+    "detector.variant": "iid",
     "detector.reach": 50.0,
     "detector.field_of_view": 180.0,
     "detector.seed": 1,

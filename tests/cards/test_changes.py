@@ -49,18 +49,18 @@ def test_another_presence_model_makes_another_card(tmp_path: Path) -> None:
 
 
 def test_another_detector_takes_the_place_of_wildtracks_stored_detections_too() -> None:
-    other = with_detector(load_card("MTP-WILDTRACK-v0"), "hard")
+    other = with_detector(load_card("MTP-WILDTRACK-v0"), "iid")
     assert isinstance(other.source, WildtrackSource)
-    assert (other.source.detector, other.detector_name) == (None, "wildtrack_mvdet-hard")
+    assert (other.source.detector, other.detector_name) == (None, "wildtrack_mvdet-iid")
     assert parse_card(other.stored()).digest == other.digest, "a stored run of it can be opened"
 
 
 def test_own_scenes_keep_the_detector_of_a_card(tmp_path: Path) -> None:
-    recorded, simulated = load_card("MTP-KITTI-v0"), with_detector(load_card("MTP-Intersection-v0"), "hard")
+    recorded, simulated = load_card("MTP-KITTI-v0"), with_detector(load_card("MTP-Intersection-v0"), "iid")
     for own in (with_files(recorded, tmp_path), with_scenes(recorded, [])):
         assert own.detector is None
     for own in (with_files(simulated, tmp_path), with_scenes(simulated, [])):
-        assert (own.detector, own.detector_name) == (simulated.detector, "nuscenes_megvii-hard")
+        assert (own.detector, own.detector_name) == (simulated.detector, "nuscenes_megvii-iid")
         assert parse_card(own.stored()).digest == own.digest
 
 
@@ -91,11 +91,11 @@ def test_a_profile_from_a_file(tmp_path: Path) -> None:
         .replace("[classes", "[detector.noise.classes")
         .replace("[alike", "[detector.noise.alike")
     )
-    values = 'reach = 50.0\nfield_of_view = 200.0\nvariant = "hard"'
+    values = 'reach = 50.0\nfield_of_view = 200.0\nvariant = "iid"'
     section.write_text(f"[detector]\n{values}\n\n[detector.noise]\n{profile}")
     found = with_detector(card, str(section)).detector
     assert found is not None
-    assert (found.reach, found.field_of_view, found.variant, found.profile) == (50.0, 200.0, "hard", None)
+    assert (found.reach, found.field_of_view, found.variant, found.profile) == (50.0, 200.0, "iid", None)
     section.write_text(section.read_text().replace("reach", "raech"))
     with pytest.raises(CardError, match=r"section\.toml, \[detector\]: unknown key 'raech': did you mean 'reach'"):
         with_detector(card, str(section))

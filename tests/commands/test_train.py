@@ -42,7 +42,7 @@ def test_noise_without_a_fold(cli: CommandLine, root: str, card: str, monkeypatc
 
 
 @pytest.mark.parametrize(
-    "scenes", [("--split", "val"), ("--files", "logs"), ("--detector", "hard"), ("--detections", "logs")]
+    "scenes", [("--split", "val"), ("--files", "logs"), ("--detector", "iid"), ("--detections", "logs")]
 )
 def test_weights_of_other_scenes_have_a_file_of_their_own(
     scenes: tuple[str, str], cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch

@@ -113,12 +113,12 @@ def test_every_baseline_runs(name: str, env_id: str, short: dict[str, str]) -> N
 
 def test_a_run_of_another_split_and_detector_is_scored_as_such(cli: CommandLine, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    options = ("--split", "test", "--detector", "hard", "--scenes", "1")
+    options = ("--split", "test", "--detector", "iid", "--scenes", "1")
     cli("run", "stp", "--env", "MTP-Roundabout-v0", "-o", folder, *options)
     (entry,) = json.loads((folder / "run.json").read_text())["scenes"]
     assert entry["scene"] == "roundabout-020000"
     scored = tmp_path / "score.json"
     assert cli("score", folder, "--json", scored).status == 0
     whole = next(row for row in json.loads(scored.read_text())["rows"] if row["subset"] == "all")
-    (direct,) = scores("MTP-Roundabout-v0", 1, split="test", detector="hard")
+    (direct,) = scores("MTP-Roundabout-v0", 1, split="test", detector="iid")
     assert whole["targets"] == len(direct)

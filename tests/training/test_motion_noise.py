@@ -81,7 +81,7 @@ STORE: dict[str, dict[str, Any]] = {
 }
 LIKE: dict[str, tuple[dict[str, Any], float]] = {
     "own": ({"motion_noise": "Merge", "detector": "clean"}, 4.0),
-    "another variant": ({"motion_noise": "Merge", "detector": "kitti_pointrcnn-hard"}, 3.0),
+    "another variant": ({"motion_noise": "Merge", "detector": "kitti_pointrcnn-iid"}, 3.0),
     "the same detector under another name": ({"motion_noise": "Merge", "detector": "pointrcnn"}, 3.0),
     "another detector of the domain": ({"motion_noise": "Merge", "detector": "lidar"}, 3.0),
     "another domain": ({"motion_noise": "mine", "detector": "pointrcnn"}, 1.0),
