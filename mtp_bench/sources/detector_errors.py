@@ -7,6 +7,7 @@ change the frames so far, and equal the change of the whole recording.
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from ..core import (
     Ints,
     Scene,
     joined,
+    rotate,
     select,
     starts_of,
     wrap_angle,
@@ -89,27 +91,31 @@ def detection_matches(scene: Scene, card: Card) -> Ints:
     """
     truth = scene.truth
     detections = scene.detections
-    gate_m = np.array(card.per_class(card.task.forecast_gate))
+    gate_m = np.array(card.per_class(card.task.forecast_gate))[detections.class_id]
     true_row = np.full(len(detections.box), -1)
     for t in range(scene.frames):
-        here = detections.rows(t)
-        there = truth.rows(t)
-        offset_m = detections.box[here, None, :2] - truth.box[None, there, :2]
-        gain = gate_m[truth.class_id[there]] - np.linalg.norm(offset_m, axis=-1)
-        is_other = detections.class_id[here, None] != truth.class_id[None, there]
-        row, column = _pairs(gain, is_other)
-        true_row[here.start + row] = there.start + column
+        here = np.arange(len(true_row))[detections.rows(t)]
+        there = np.arange(len(truth.box))[truth.rows(t)]
+        row, column = _pairs(detections, here, truth, there, gate_m[here])
+        true_row[here[row]] = there[column]
     return true_row
 
 
-def _pairs(gain: Floats, is_other: Bools) -> tuple[Ints, Ints]:
-    """Return the pairs of rows and columns with the largest sum of gains above 0."""
+def _pairs(
+    a: Any, rows: Ints, b: Any, others: Ints, gate_m: Floats
+) -> tuple[Ints, Ints]:
+    """Return pairs of ``rows`` of a and ``others`` of b, of one class, within a gate.
+
+    They have the largest sum of what distances are less than the gates [rows], m.
+    """
     # not where detections stay as recorded: it takes long to import
     from scipy.optimize import linear_sum_assignment
 
-    usable = np.where(is_other, 0, np.maximum(gain, 0))
-    row, column = linear_sum_assignment(usable, maximize=True)
-    found = usable[row, column] > 0
+    offset_m = a.box[rows, None, :2] - b.box[None, others, :2]
+    gain = gate_m[:, None] - np.linalg.norm(offset_m, axis=-1)
+    gain[a.class_id[rows, None] != b.class_id[None, others]] = 0
+    row, column = linear_sum_assignment(np.maximum(gain, 0), maximize=True)
+    found = gain[row, column] > 0
     return row[found], column[found]
 
 
@@ -320,16 +326,11 @@ def _begun(life: _Rows, other: _Rows, start: int, ego: Floats) -> _Rows:
     from_ego = other.box[0, :2] - ego[other.frame[0], :2]
     turn = ego[start, 3] - ego[other.frame[0], 3]
     box = life.box.copy()
-    box[:, :2] = ego[start, :2] + _turned(from_ego, turn)
-    box[:, :2] += _turned(life.box[:, :2] - life.box[0, :2], turn)
+    box[:, :2] = ego[start, :2] + rotate(from_ego, turn)
+    box[:, :2] += rotate(life.box[:, :2] - life.box[0, :2], turn)
     box[:, 3] = wrap_angle(box[:, 3] + turn)
     frame = life.frame - life.frame[0] + start
-    return replace(life, frame=frame, box=box, velocity=_turned(life.velocity, turn))
-
-
-def _turned(vector: Floats, angle: float) -> Floats:
-    cos, sin = np.cos(angle), np.sin(angle)
-    return np.asarray(vector @ np.array([[cos, sin], [-sin, cos]]))
+    return replace(life, frame=frame, box=box, velocity=rotate(life.velocity, turn))
 
 
 def _lives(rows: _Rows) -> Iterator[_Rows]:
@@ -338,10 +339,7 @@ def _lives(rows: _Rows) -> Iterator[_Rows]:
     for t in np.unique(rows.frame):
         here = np.flatnonzero(rows.frame == t)
         before = np.flatnonzero(rows.frame == t - 1)
-        offset_m = rows.box[here, None, :2] - rows.box[None, before, :2]
-        gain = NEAR_M - np.linalg.norm(offset_m, axis=-1)
-        is_other = rows.class_id[here, None] != rows.class_id[None, before]
-        row, column = _pairs(gain, is_other)
+        row, column = _pairs(rows, here, rows, before, np.full(len(here), NEAR_M))
         life[here[row]] = life[before[column]]
     for number in np.unique(life):
         yield select(rows, life == number)
