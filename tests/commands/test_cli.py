@@ -144,9 +144,11 @@ def test_a_misspelt_agent_is_refused_before_scenes_are_made(
     assert not list(tmp_path.iterdir())
 
 
-def test_json_on_stdout_stands_alone(cli: CommandLine, tmp_path: Path, events_run: Path, kitti: str) -> None:
+def test_json_on_stdout_stands_alone(
+    cli: CommandLine, tmp_path: Path, events_run: Path, known: list[str], kitti: str
+) -> None:
     # not all of `data`: other processes of the tests make scenes meanwhile
-    for command in (["envs"], ["data", "--data", kitti], ["events", events_run, "--data", kitti]):
+    for command in (["envs"], ["data", *known], ["events", events_run, "--data", kitti]):
         printed = cli.ok(*command, "--json", "-")
         cli.ok(*command, "--json", tmp_path / "a.json")
         assert json.loads(printed) == read_json(tmp_path / "a.json")

@@ -1,6 +1,7 @@
 """Pictures of events: what a person sees is there, and in its place; of small scenes and of real recordings."""
 
 import runpy
+import shutil
 import sys
 from pathlib import Path
 
@@ -114,7 +115,8 @@ def test_a_picture_needs_neither_rerun_nor_a_screen(
     monkeypatch.setitem(sys.modules, "rerun", None)
     monkeypatch.delitem(sys.modules, "mtp_bench.viz.rerun.sdk", raising=False)
     monkeypatch.delenv("DISPLAY", raising=False)
-    cli.ok("view", events_run, events_run, "--data", kitti, "--at", "ids-0", "--png", tmp_path / "a.png")
+    shutil.copytree(events_run, tmp_path / "copy")
+    cli.ok("view", events_run, tmp_path / "copy", "--data", kitti, "--at", "ids-0", "--png", tmp_path / "a.png")
     with Image.open(tmp_path / "a.png") as image:  # two runs stand below each other
         assert image.size == (SIZE[0], 2 * SIZE[1])
 
