@@ -15,6 +15,7 @@ from pathlib import Path
 
 from mtp_bench.core.parallel import Workers
 from mtp_bench.running import Level, Robustness, RunOptions, robustness
+from mtp_bench.scoring import numbers_of
 from mtp_bench.viz import draw_curves
 
 FOLDER = Path(__file__).parents[1] / "leaderboard" / "robustness"
@@ -39,6 +40,7 @@ PLAN = {
     "MTP-nuScenes-v0": ("noise", "score", "delay"),
     DRIVE: ("noise", "misses", "delay"),
 }
+SHOWN = ("stp", "mtp", "tracking_free", "stp_modes_tracklets")  # in the table
 SEES_TRUTH = ("perfect_association_same_samples", "gt_tracks")
 
 
@@ -71,15 +73,30 @@ def stored(env: str, knob: str) -> Robustness | None:
 
 
 def page(curves: list[Robustness]) -> str:
-    """Return a table of answers, and of each agent's mean ratio to stp."""
-    lines = ["| environment | error | answer | mean by stp |", "|---|---|---|---|"]
+    """Return tables of the answers and of bADE by level, in Markdown."""
+    lines = ["| environment | error | answer |", "|---|---|---|"]
+    lines += [f"| `{each.env}` | `{each.knob}` | {each.answer} |" for each in curves]
+    lines += [
+        "",
+        "| environment | error | agent | value by level | strongest less recorded | mean by stp |",
+    ]
+    lines += ["|---|---|---|---|---|--:|"]
     for curve in curves:
-        ratios = ", ".join(
-            f"{agent} {value:.2f}"
-            for agent, value in curve.mean_relative.items()
-            if agent in curve.agents
-        )
-        lines.append(f"| `{curve.env}` | `{curve.knob}` | {curve.answer} | {ratios} |")
+        for agent in SHOWN:
+            rows = [row for row in curve.on("all") if row.agent == agent]
+            values = ", ".join(f"{row.level:g}: {row.value:.3f}" for row in rows)
+            if not rows:  # an agent that does not drive
+                continue
+            mean, interval, p = numbers_of(
+                curve.difference(rows[-1], None, curve.recorded)
+            )
+            rise = "" if mean is None else f"{mean:+.3f}"
+            if interval is not None:
+                rise += f" [{interval[0]:.3f}, {interval[1]:.3f}], p {p:.3f}"
+            ratio = curve.mean_relative[agent]
+            lines.append(
+                f"| `{curve.env}` | `{curve.knob}` | `{agent}` | {values} | {rise} | {ratio:.3f} |"
+            )
     return "\n".join(lines) + "\n"
 
 
@@ -101,11 +118,11 @@ def main() -> None:
         for env in given.env or PLAN:
             for knob in PLAN[env]:
                 if knob in (given.knob or KNOBS):
-                    start = time.process_time()
+                    start = time.monotonic()
                     result = measure(env, knob, given.jobs)
-                    seconds = time.process_time() - start
+                    seconds = time.monotonic() - start
                     print(
-                        f"{env}, {knob}, {seconds:.0f} CPU s: {result.answer}",
+                        f"{env}, {knob}, {seconds:.0f} s of {given.jobs} processes: {result.answer}",
                         flush=True,
                     )
         return
