@@ -40,7 +40,13 @@ PLAN = {
     "MTP-nuScenes-v0": ("noise", "score", "delay"),
     DRIVE: ("noise", "misses", "delay"),
 }
-SHOWN = ("stp", "mtp", "tracking_free", "stp_modes_tracklets")  # in the table
+SHOWN = (
+    "stp",
+    "mtp",
+    "tracking_free",
+    "affinity",
+    "stp_modes_tracklets",
+)  # in the table
 SEES_TRUTH = ("perfect_association_same_samples", "gt_tracks")
 
 
@@ -78,7 +84,7 @@ def page(curves: list[Robustness]) -> str:
     lines += [f"| `{each.env}` | `{each.knob}` | {each.answer} |" for each in curves]
     lines += [
         "",
-        "| environment | error | agent | value by level | strongest less recorded | mean by stp |",
+        "| environment | error | agent | value by level | strongest minus recorded | mean by stp |",
     ]
     lines += ["|---|---|---|---|---|--:|"]
     for curve in curves:
