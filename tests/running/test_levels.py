@@ -240,3 +240,11 @@ def test_the_time_of_an_agent_is_a_delay_in_whole_frames(
     assert digests[0] == digests[1]
     monkeypatch.undo()
     assert levels.measured_delay("stp", ENV, RunOptions()) == 0, "some milliseconds"
+
+
+def test_fewer_errors_lie_between_perfect_detections_and_the_recorded_ones() -> None:
+    fewer = {"misses": 0.0, "noise": 0.0}
+    conditions: list[dict[str, float] | None] = [{**fewer, "false": 0.0}, fewer, None]
+    errors = [mtp_bench.evaluate("stp", ENV, scenes=3, perturb=levels).rows[0].error or 0 for levels in conditions]
+    assert errors == sorted(errors)
+    assert errors[2] > errors[0] + 0.3
