@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from mtp_bench.core.parallel import Workers
-from mtp_bench.running import Level, Robustness, RunOptions, robustness
+from mtp_bench.running import LEVELS, Level, Robustness, RunOptions, robustness
 from mtp_bench.scoring import numbers_of
 from mtp_bench.viz import draw_curves
 
@@ -32,7 +32,7 @@ AGENTS = (
 DRIVERS = ("gt_tracks", "stp", "mtp", "tracking_free")
 DRIVE = "MTP-Drive-Intersection-v0"
 DRIVE_SCENES = 50
-KNOBS = ("noise", "misses", "false", "score", "delay")
+KNOBS = tuple(LEVELS)
 PLAN = {
     "MTP-nuScenes-mini-v0": KNOBS,
     "MTP-KITTI-v0": KNOBS,

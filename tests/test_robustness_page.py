@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks.robustness import PLAN, page, stored
-from mtp_bench.cards import load_card, with_perturb
+from mtp_bench.cards import PerturbSection, load_card, with_perturb
+from mtp_bench.running import LEVELS
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/environment/robustness.md"
@@ -18,6 +19,13 @@ def test_the_tables_are_those_of_the_stored_levels() -> None:
     shown = re.search(r"<!-- made by .*? -->\n(.*)<!-- end -->", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert shown is not None
     assert shown[1] == page(curves)
+
+
+@pytest.mark.parametrize("knob", LEVELS)
+def test_the_page_states_the_levels(knob: str) -> None:
+    levels = ", ".join(f"{level:g}".removeprefix("0") or "0" for level in LEVELS[knob])
+    recorded = f"{getattr(PerturbSection(), knob):g}"
+    assert f"| `{knob}` | {recorded} | {levels} |" in PAGE.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("env", "knob"), MEASURED)

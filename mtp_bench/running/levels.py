@@ -18,6 +18,7 @@ from ..core import (
     DataError,
     Floats,
     Ints,
+    MtpBenchError,
     Scene,
     Section,
     SubmissionError,
@@ -188,7 +189,8 @@ class Robustness:
         stp = {row.level: row.value for row in self.on("all") if row.agent == _SINGLE}
         ratios: dict[str, list[float]] = {}
         for row in self.on("all"):
-            ratios.setdefault(row.agent, []).append(row.value / stp[row.level])
+            if stp[row.level] > 0:  # a drive score may be 0
+                ratios.setdefault(row.agent, []).append(row.value / stp[row.level])
         return {agent: float(np.mean(each)) for agent, each in ratios.items()}
 
     @property
@@ -289,10 +291,13 @@ def robustness(
     """
     require_known("knob", knob, LEVELS)
     require_list(agents)
+    chosen = LEVELS[knob] if levels is None else tuple(levels)
+    if not chosen:
+        raise MtpBenchError(f"no level of {knob}, expected at least one")
     others = keywords.get("perturb") or options.perturb or {}
     finished = []
     with long_work(f"levels of {knob}", progress=options.progress):
-        for level in LEVELS[knob] if levels is None else levels:
+        for level in chosen:
             keywords["perturb"] = {**others, knob: level}
             verb = f"running {knob} {level:g}"
             with EnvEvaluation.opened(verb, env_id, options, keywords) as evaluation:
@@ -344,7 +349,9 @@ def _level(
     content = [DEFINITIONS, card.digest, agents, evaluation.scenes]
     text = json.dumps([*content, list(evaluation.options.seeds)])
     key = hashlib.sha256(text.encode()).hexdigest()
-    if path is not None and path.is_file():
+    # an object of a program may have changed since
+    has_files = all(each.submission.digest for each in settings)
+    if path is not None and has_files and path.is_file():
         stored = validate(Level, read_json(path, DataError), str(path), DataError)
         if stored.key == key:
             return stored
@@ -360,6 +367,8 @@ def _level(
             detector=detector_row(scenes, card, level),
             rows=_scores(settings, evaluation, level),
         )
+    if not finished.rows:
+        raise MtpBenchError(f"{card.id}: its scenes have no targets, expected some")
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, finished.model_dump_json(indent=1) + "\n")

@@ -25,6 +25,7 @@ from ..core import (
     starts_of,
     wrap_angle,
 )
+from .motion import as_places, looking_back
 from .simulated import in_frames, in_world, sensor_of
 
 MAX_LAG_S = 5.0  # by which misses come again in a closed loop
@@ -55,7 +56,12 @@ def perturbed(scene: Scene, card: Card) -> Scene:
     if levels is None:
         return scene
     _require_truth(scene, card.id, levels)
+    period_s = 1 / card.task.rate
+    traits = card.source.traits
     world_scene = in_world(scene)
+    if traits.velocity_ahead:  # an agent must not see the next frame in a velocity
+        truth = looking_back(world_scene.truth, scene.time, period_s)
+        world_scene = replace(world_scene, truth=truth)
     rows = _rows_of(world_scene, card)
     if levels.misses < 1:
         rows = _filled(rows, world_scene, card, levels)
@@ -78,8 +84,9 @@ def perturbed(scene: Scene, card: Card) -> Scene:
         score=rows.score[order],
     )
     if scene.world is not None:
-        period_s = 1 / card.task.rate
         detections = in_frames(detections, scene.world, scene.time, period_s)
+    if traits.places_only:
+        detections = as_places(detections)
     name = f"{scene.detector}, {levels}"
     return replace(scene, detections=detections, detector=name)
 

@@ -407,3 +407,10 @@ def test_a_card_that_switches_the_doctor_off_says_why(tmp_path: Path, repository
         load_card(path)
     path.write_text(f'{text}\n[data]\ndoctor = "off"\nreason = "shifted on purpose"\n')
     assert load_card(path).is_trusted
+
+
+def test_errors_that_are_asked_for_are_no_doubts(cli: CommandLine, tmp_path: Path, data_root: Path) -> None:
+    """Detections two frames late are what the doctor finds, unless `--perturb` made them so."""
+    words = ("run", "stp", "--env", "MTP-nuScenes-mini-v0", "--data", data_root, "--scenes", 1, "--jobs", 1)
+    said = cli(*words, "--perturb", "delay=2", "-o", tmp_path / "late")
+    assert (said.status, "late" in said.err.replace(str(tmp_path), "")) == (0, False)

@@ -125,6 +125,21 @@ def test_the_answer_says_where_the_order_changes() -> None:
     assert driven.startswith("Highest drive score by noise: tracking_free at 0, then stp at 1 and 2 (before")
 
 
+def test_a_drive_score_of_0_has_no_ratio() -> None:
+    result = made(row(1.0, "stp", 0.0), row(1.0, "mtp", 0.5), row(2.0, "stp", 0.5), row(2.0, "mtp", 1.0), is_drive=True)
+    assert result.mean_relative == {"stp": 1.0, "mtp": 2.0}
+
+
+def test_an_object_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No file tells whether it is the one of the stored level."""
+    asked: dict[str, Any] = {"folder": tmp_path, "scenes": 1}
+    agent = mtp_bench.load_submission("stp").build
+    mtp_bench.robustness([agent], ENV, "noise", [1.0], **asked)
+    monkeypatch.setattr(levels, "_scores", lambda *_: [])
+    with pytest.raises(MtpBenchError, match="have no targets"):
+        mtp_bench.robustness([agent], ENV, "noise", [1.0], **asked)
+
+
 GAINS = [(2.3, 2.2, 0.0, True), (2.3, 2.2, 1.0, False), (2.3, 1.9, 0.0, False), (1.9, 2.2, 0.0, False)]
 
 
@@ -193,6 +208,8 @@ def test_wrong_questions() -> None:
         mtp_bench.robustness(["stp"], ENV, "nois")
     with pytest.raises(MtpBenchError, match="expected a list"):
         mtp_bench.robustness("stp", ENV, "noise")
+    with pytest.raises(MtpBenchError, match="no level of noise, expected at least one"):
+        mtp_bench.robustness(["stp"], ENV, "noise", [])
     assert set(LEVELS) == {"score", "misses", "false", "noise", "delay"}
 
 

@@ -238,3 +238,28 @@ def test_empty_scenes(plain: Scene) -> None:
         for scene in (nothing, unseen, unknown):
             levels = {knob: level}
             assert perturbed(scene, with_perturb(card, levels)).frames == plain.frames
+
+
+def test_velocities_do_not_contain_the_next_frame() -> None:
+    """KITTI's do: what is late moves back along those of the past."""
+    card = load_card("MTP-KITTI-v0")
+    assert card.source.traits.velocity_ahead
+    plain = open_source(load_card(ENV)).load("intersection-010000")
+    ahead = replace(plain, truth=replace(plain.truth, velocity=np.full_like(plain.truth.velocity, 1e3)))
+    source = card.source.model_copy()
+    late = with_perturb(load_card(ENV).model_copy(update={"source": source}), {"delay": 0.5})
+    moved = perturbed(replace(ahead, simulated=False), late).detections.box[:, :2] - plain.detections.box[:, :2]
+    assert np.abs(moved).max() < 20
+
+
+def test_places_stay_places() -> None:
+    """Boxes of people have nominal sizes and headings, also those that are filled in."""
+    card = with_perturb(load_card("MTP-ETH-UCY-v0"), {"misses": 0.0, "noise": 0.0})
+    assert card.source.traits.places_only
+    plain = open_source(load_card(ENV)).load("intersection-010000")
+    one_class = replace(
+        plain, truth=replace(plain.truth, class_id=np.zeros_like(plain.truth.class_id)),
+        detections=replace(plain.detections, class_id=np.zeros_like(plain.detections.class_id)), simulated=False,
+    )  # fmt: skip
+    box = perturbed(one_class, card).detections.box
+    assert len(np.unique(box[:, 3:], axis=0)) == 1
