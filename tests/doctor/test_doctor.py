@@ -409,6 +409,7 @@ def test_a_card_that_switches_the_doctor_off_says_why(tmp_path: Path, repository
     assert load_card(path).is_trusted
 
 
+@pytest.mark.data
 def test_errors_that_are_asked_for_are_no_doubts(cli: CommandLine, tmp_path: Path, data_root: Path) -> None:
     """Detections two frames late are what the doctor finds, unless `--perturb` made them so."""
     words = ("run", "stp", "--env", "MTP-nuScenes-mini-v0", "--data", data_root, "--scenes", 1, "--jobs", 1)
