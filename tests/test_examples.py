@@ -17,7 +17,7 @@ import pytest
 from docs.generate.outputs import COLUMNS, EXAMPLES as FOLDER, OUTPUTS, ROOT, run
 from mtp_bench.commands.app import main
 from mtp_bench.running.comparison import compare
-from tests.support.command_line import CommandLine
+from tests.support.command_line import CommandLine, restored_signals
 from tests.test_readme import blocks
 
 NEEDS = re.compile(r"^# needs: (.+)$", flags=re.MULTILINE)
@@ -62,7 +62,7 @@ def run_here(example: Path, folder: Path) -> None:
         if words[:3] != [sys.executable, "-m", "mtp_bench"]:
             return in_processes(words, **keywords)
         patch.setattr(sys, "argv", ["mtp-bench", *words[3:]])
-        with pytest.raises(SystemExit) as left:
+        with restored_signals(), pytest.raises(SystemExit) as left:
             main()
         assert not left.value.code
         return None

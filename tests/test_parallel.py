@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mtp_bench.core.errors import MtpBenchError
-from mtp_bench.core.parallel import Workers, parallel_map
+from mtp_bench.core.parallel import ENDING_SIGNALS, Workers, parallel_map
 
 
 def test_a_process_that_dies_is_one_clear_error() -> None:
@@ -61,12 +61,13 @@ def test_an_unpicklable_error_is_not_reported_as_lack_of_memory() -> None:
         parallel_map(boom, [(1,), (2,)])
 
 
-def handler_of_interrupts() -> object:
-    return signal.getsignal(signal.SIGINT)
+def blocked_signals() -> set[int]:
+    return {*signal.pthread_sigmask(signal.SIG_BLOCK, ())}
 
 
-def test_workers_leave_an_interrupt_to_this_process() -> None:
-    """Else each would print a traceback while it starts."""
-    before = handler_of_interrupts()
-    assert parallel_map(handler_of_interrupts, [(), ()], Workers(2)) == [signal.SIG_IGN] * 2
-    assert handler_of_interrupts() is before
+def test_workers_leave_signals_to_this_process() -> None:
+    """Else each would print a traceback, and a cluster's SIGTERM would look as if memory had run out."""
+    before = blocked_signals()
+    for blocked in parallel_map(blocked_signals, [(), ()], Workers(2)):
+        assert blocked >= {*ENDING_SIGNALS}
+    assert blocked_signals() == before

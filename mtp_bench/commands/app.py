@@ -8,6 +8,7 @@ import io
 import keyword
 import os
 import re
+import signal
 import sys
 import tomllib
 import warnings
@@ -18,11 +19,11 @@ from typer import BadParameter, Exit, Option, Typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from ..core import MtpBenchError, __version__, clean_text, long_work
+from ..core import ENDING_SIGNALS, MtpBenchError, __version__, clean_text, long_work
 from .output import error_text, fail, say
 
 NUMBA_SETTINGS = Path(".numba_config.yaml")  # read by Numba from the current folder
-INTERRUPTED = 130  # exit status, as shells have it
+SIGNALLED = 128  # exit status after a signal, less its number, as shells have it
 _MAX_SHOWN = 100  # characters of a wrong value
 _TEXT_FILE = Path(__file__).with_name("commands.toml")
 _TEXTS = tomllib.loads(_TEXT_FILE.read_text(encoding="utf-8"))
@@ -32,7 +33,7 @@ INTERRUPTED_NOTES = _TEXTS["interrupted"]  # by command
 
 
 class InterruptedCommandError(Exception):
-    """An interruption by Ctrl-C."""
+    """An interruption by a signal, with a note and the signal's number."""
 
 
 class Commands(TyperGroup):
@@ -98,9 +99,10 @@ class Commands(TyperGroup):
             command_words = ["mtp-bench", *sys.argv[1:2]]
             with long_work(" ".join([*command_words, "is working"])):
                 return super().invoke(ctx)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as interruption:
             note = INTERRUPTED_NOTES.get(ctx.invoked_subcommand, "no file was written")
-            raise InterruptedCommandError(note) from None
+            number, *_ = interruption.args or (signal.SIGINT,)
+            raise InterruptedCommandError(note, number) from None
         except BadParameter as error:
             from pydantic import ValidationError
 
@@ -167,11 +169,13 @@ def about(
 def main() -> None:
     """Run the command of ``sys.argv``.
 
-    Errors of the library become one line and exit status 1, Ctrl-C one line and 130.
+    Errors of the library become one line and exit status 1, and a signal to end one
+    line and 128 plus its number.
     """
     # before NumPy loads, and for workers: matrices are small
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _open_streams()
+    _interrupt_at_signals()
     if NUMBA_SETTINGS.exists():  # those of a submission would change how the judge runs
         fail(
             f"{NUMBA_SETTINGS.absolute()} would change how Numba compiles: "
@@ -185,14 +189,34 @@ def main() -> None:
         try:
             app(prog_name="mtp-bench")
         finally:
+            _ignore_signals()
             _flush()
     except BrokenPipeError:  # the reader has enough
         raise SystemExit(1) from None
     except (MtpBenchError, OSError) as error:
         fail(error_text(error))
     except InterruptedCommandError as interruption:
-        say(f"interrupted; {interruption}")
-        raise SystemExit(INTERRUPTED) from None
+        note, number = interruption.args
+        say(f"interrupted; {note}")
+        raise SystemExit(SIGNALLED + number) from None
+
+
+def _interrupt_at_signals() -> None:
+    """Let SIGTERM and SIGHUP interrupt as Ctrl-C does, unless they are ignored."""
+
+    def interrupt(number: int, _: object) -> None:
+        _ignore_signals()
+        raise KeyboardInterrupt(number)
+
+    for each in ENDING_SIGNALS:
+        if signal.getsignal(each) != signal.SIG_IGN:  # as under nohup
+            signal.signal(each, interrupt)
+
+
+def _ignore_signals() -> None:
+    """Let nothing but SIGKILL disturb the end, which removes temporary files."""
+    for each in ENDING_SIGNALS:
+        signal.signal(each, signal.SIG_IGN)
 
 
 def _open_streams() -> None:

@@ -96,6 +96,7 @@ from .notice import (
     say_once as say_once,
 )
 from .parallel import (
+    ENDING_SIGNALS as ENDING_SIGNALS,
     SERIAL as SERIAL,
     WorkerDiedError as WorkerDiedError,
     Workers as Workers,

@@ -6,9 +6,11 @@ import signal
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from .bundle import __version__
@@ -19,6 +21,8 @@ _CONNECT_SECONDS = 10  # wait for the scheduler
 _WORKER_SECONDS = 30  # wait for its first worker: those that died may be restarting
 # Where it is set, Python does not import from the current folder.
 _SAFE_PATH = "PYTHONSAFEPATH"
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_WATCH_SECONDS = 0.5
 # Calls in one process follow each other: agents need not be thread-safe.
 _one_at_a_time = threading.Lock()
 
@@ -106,6 +110,7 @@ def unordered_map(
         yield from (_indexed(*call) for call in indexed)
     else:
         from concurrent.futures.process import BrokenProcessPool
+        from multiprocessing import resource_tracker
 
         from joblib import Parallel, delayed
         from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -118,8 +123,12 @@ def unordered_map(
         try:
             # held until the last result: joblib may replace a worker at any time
             with _safe_path():
-                with _ignoring_interrupts():
-                    results = parallel(delayed(_indexed)(*call) for call in indexed)
+                resource_tracker.ensure_running()  # unblocks signals as it starts
+                with _blocked_signals():
+                    parent = os.getpid()
+                    results = parallel(
+                        delayed(_indexed_in_worker)(parent, *call) for call in indexed
+                    )
                 yield from results
         except TerminatedWorkerError:
             raise WorkerDiedError(
@@ -139,6 +148,23 @@ def _indexed(
     return index, function(*call)
 
 
+def _indexed_in_worker(parent: int, *call: Any) -> tuple[int, Any]:
+    _end_with(parent)
+    return _indexed(*call)
+
+
+@cache
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent, however that ends."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_WATCH_SECONDS)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
 @contextmanager
 def _safe_path() -> Iterator[None]:
     """Keep new processes from importing modules of the current folder."""
@@ -153,16 +179,16 @@ def _safe_path() -> Iterator[None]:
 
 
 @contextmanager
-def _ignoring_interrupts() -> Iterator[None]:
-    """Let new processes ignore Ctrl-C, since this one ends them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _blocked_signals() -> Iterator[None]:
+    """Let new processes leave signals to end to this one, which ends them.
+
+    A signal that comes meanwhile is delivered to this process afterwards.
+    """
+    previous = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING_SIGNALS)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, previous or signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_SETMASK, previous)
 
 
 def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[Any]:

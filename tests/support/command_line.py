@@ -5,10 +5,11 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -16,6 +17,7 @@ from typing import Any, NoReturn
 import pytest
 
 from mtp_bench.commands.app import main
+from mtp_bench.core import ENDING_SIGNALS
 from tests.support.small_scenes import EchoAgent, empty_action, write_kitti
 
 IMPORTS = """from __future__ import annotations
@@ -65,6 +67,17 @@ class Output:
         return self.err.removeprefix("error: ").strip()
 
 
+@contextmanager
+def restored_signals() -> Iterator[None]:
+    """Give this process its handlers of signals back, which a command keeps to its end."""
+    handlers = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
 class CommandLine:
     """Calls ``mtp-bench`` with arguments."""
 
@@ -77,7 +90,7 @@ class CommandLine:
             patch.setattr(sys, "argv", ["mtp-bench", *map(str, arguments)])
             for name in TERMINAL:
                 patch.delenv(name, raising=False)
-            with pytest.raises(SystemExit) as left:
+            with restored_signals(), pytest.raises(SystemExit) as left:
                 main()
         status = left.value.code
         assert status is None or isinstance(status, int)
