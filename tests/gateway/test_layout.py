@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from importlib.util import cache_from_source, source_from_cache
 from pathlib import Path
 
@@ -174,9 +175,14 @@ def test_a_link_that_takes_the_place_of_a_file_is_not_followed(tmp_path: Path, m
 
 
 def test_files_that_change_during_a_run_are_noticed(card: str, kitti: str, tmp_path: Path) -> None:
+    """By another machine, which has no copy of them."""
     folder = submission(tmp_path / "mine")
+    image = image_of(load_submission(folder), "MTP-X-v0")
+    elsewhere = replace(image, submission=tmp_path / "elsewhere", digest="0" * 64)
     with pytest.raises(SubmissionError, match="its files changed while it ran"):
-        run_isolated(folder, card, {"data": kitti}, SCENE, limits=QUICK, digest="0" * 64)
+        run_isolated(folder, card, {"data": kitti}, SCENE, limits=QUICK, image=elsewhere)
+    (folder / "agent.py").write_text("raise ValueError")
+    assert not run_isolated(folder, card, {"data": kitti}, SCENE, limits=QUICK, image=image).reason
 
 
 @pytest.mark.parametrize("delegated", [True, False])

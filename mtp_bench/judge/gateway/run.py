@@ -24,7 +24,7 @@ from ...env import MTPEnv
 from ...running import agent_task, compile_kernels, derived_seed
 from ...sources import scene_digest
 from .exchange import Exchange, answer_bytes
-from .layout import image_of, layout_for
+from .layout import Image, image_of, layout_for
 from .limits import Limits, SandboxBackend, SceneRun
 from .process import AgentProcess, SandboxSpec
 from .sandbox import sandbox_backend
@@ -40,7 +40,7 @@ def run_isolated(
     seed: int = 0,
     parameters: dict[str, Any] | None = None,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
-    digest: str | None = None,
+    image: Image | None = None,
     backend: SandboxBackend | None = None,
 ) -> SceneRun:
     """Run one scene with an agent in its own process.
@@ -48,9 +48,9 @@ def run_isolated(
     ``submission``: its folder, or the name of a baseline. ``env_id``: id, path or
     card. ``env_keywords``: of MTPEnv; the env observes what the submission asks for
     unless they say otherwise. ``parameters``: of the agent; None: those of the
-    manifest. ``digest``: expected of the submission (`image_of`); None: any.
-    ``backend``: the sandbox; None: the one that works
-    here, if any.
+    manifest. ``image``: the copy that runs; another machine makes an equal one. None:
+    of the files as they are. ``backend``: the sandbox; None: the one that works here,
+    if any.
 
     The rollout of an agent that follows the rules equals that of
     `running.run.run_scene`, but for the times. An unanswered frame has no rows. Never
@@ -65,8 +65,10 @@ def run_isolated(
     env = MTPEnv(env_id, **keywords)
     env_seed = derived_seed(seed, scene, "env")
     observation, _ = env.reset(seed=env_seed, options={"scene": scene})
-    image = image_of(loaded, env.card.id, env.card.weights_of)
-    if digest is not None and image.digest != digest:
+    expected = image
+    if image is None or not image.submission.is_dir():
+        image = image_of(loaded, env.card.id, env.card.weights_of)
+    if expected is not None and image.digest != expected.digest:
         raise SubmissionError(
             f"{loaded.path}: its files changed while it ran, "
             "expected one submission in all scenes; run it again"
@@ -110,26 +112,25 @@ def run_isolated_scenes(
     workers: Workers = SERIAL,
     progress: Progress = NO_PROGRESS,
     finished: Callable[[SceneRun], None] = lambda run: None,
-    digest: str | None = None,
+    image: Image | None = None,
 ) -> list[SceneRun]:
     """Run every scene by `run_isolated`.
 
     Results have the order of ``scenes``.
     Every scene has an agent of its own: a failure ends at most its scene. ``finished``
     is called with every finished scene, in the order of completion and in this process.
-    ``digest``: of the submission in all scenes; None: the one that it has now.
+    ``image``: the copy that runs in all scenes; None: of the files as they are.
     """
     if workers.scheduler is None:
         compile_kernels(workers)
     card = MTPEnv(env_id, **env_keywords).card
-    if digest is None:
+    if image is None:
         image = image_of(load_submission(submission), card.id, card.weights_of)
-        digest = image.digest
     # decided once, so that all scenes run in the same sandbox; other machines decide
     # for themselves
     backend = sandbox_backend() if workers.scheduler is None else None
     parameters = None  # those of the manifest
-    settings = (seed, parameters, limits, digest, backend)
+    settings = (seed, parameters, limits, image, backend)
     calls = [(submission, env_id, env_keywords, scene, *settings) for scene in scenes]
     runs: dict[int, SceneRun] = {}
     for index, run in unordered_map(run_isolated, calls, workers):

@@ -141,7 +141,7 @@ def run_seed(
             workers=plan.options.workers,
             progress=plan.options.progress,
             finished=keep,
-            digest=plan.image.digest,
+            image=plan.image,
         )
     return [runs[scene] for scene in plan.scenes]
 
