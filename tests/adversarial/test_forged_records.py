@@ -710,6 +710,10 @@ def test_a_proposal_is_taken_in(cli: CommandLine, proposal: Path, leaderboard: P
     assert "a round needs `source`" in " ".join(said.split())
     said = cli.ok("maintain", "intake", leaderboard, "--base", leaderboard, "--owner", "Ada")
     assert "no record to take in" in said
+    (proposal / "records" / "newcomer").rename(proposal / "records" / "mtp2")
+    writes("owners.toml", '[owners]\nmtp2 = "ada"\n')(proposal, leaderboard)
+    output = cli("maintain", "intake", proposal, "--base", leaderboard, "--owner", "Ada")
+    assert "'mtp2' is close to 'mtp': may readers take one for the other?" in output.out
 
 
 def test_a_record_with_answers_of_another_gets_a_note(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
@@ -820,6 +824,12 @@ def with_a_submodule(proposal: Path, _: Path) -> None:
         subprocess.run(["git", "-C", proposal.parent, *words], check=True)
 
 
+def without_a_commit(proposal: Path, _: Path) -> None:
+    """Git fails as where it refuses the owner of the folder."""
+    require_program("git")
+    subprocess.run(["git", "-C", proposal.parent, "init", "-q"], check=True)
+
+
 def with_a_key_twice(proposal: Path, _: Path) -> None:
     text = (proposal / NEWCOMER).read_text()
     (proposal / NEWCOMER).write_text(text.replace("{", '{"format":3,', 1))
@@ -848,6 +858,7 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "an executable file": (lambda head, _: (head / NEWCOMER).chmod(0o755), f"{NEWCOMER}: executable file, expected"),
     "an empty folder": (lambda head, _: (head / "records" / "evil").mkdir(), "records/evil: empty folder or submodule"),
     "a submodule": (with_a_submodule, "records/evil: git mode 160000, expected a file of mode 100644"),
+    "a clone that git does not list": (without_a_commit, "git cannot list its files (fatal: Not a valid object name HEAD)"),
     "another folder": (
         lambda head, _: (head / "records" / "newcomer").rename(head / "records" / "other"), "expected it at newcomer/"),
     "code": (writes("records/newcomer/agent.py", "print(1)"), "agent.py: expected records/<submission>/<env id>.json"),
@@ -858,6 +869,7 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a name for another": (
         writes("owners.toml", '[owners]\nnewcomer = "bob"\n'), "gives 'newcomer' to 'bob', expected 'ada'"),
     "a look-alike": (writes("owners.toml", f'{OWNED}s_t-p = "ada"\n'), "'s_t-p' looks like 'stp', which is taken"),
+    "letters that look like one": (writes("owners.toml", f'{OWNED}rntp = "ada"\n'), "'rntp' looks like 'mtp', which"),
     "the name of a baseline": (writes("owners.toml", f'{OWNED}stp = "ada"\n'), "'stp' is taken: choose another name"),
     "two that look alike": (
         writes("owners.toml", f'{OWNED}new-comer = "ada"\n'), "'new-comer' looks like 'newcomer', which is taken"),

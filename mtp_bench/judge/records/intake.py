@@ -6,11 +6,19 @@ Files are read; no code of a submission is run.
 import filecmp
 import os
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 
-from ...core import MtpBenchError, RecordError, baseline_names, file_kind, read_json
+from ...core import (
+    MtpBenchError,
+    RecordError,
+    baseline_names,
+    clean_text,
+    file_kind,
+    read_json,
+)
 from .canonical import today
 from .consistency import checked_record
 from .eligibility import may_observe, why_scored_otherwise, why_unranked
@@ -23,6 +31,8 @@ _RECORDS = "records"
 _LOOK_ALIKE = str.maketrans(
     {"0": "o", "1": "l", "i": "l", "5": "s", "_": None, "-": None, ".": None}
 )
+_MOST_OUTPUT = 300  # characters of a message of git
+_CLOSE = 0.8  # share of equal letters from which names are close
 _DEPTH = 3  # parts of records/<submission>/<env id>.json
 _MAX_FILES = 100_000  # of a leaderboard
 _MAX_NEW_NAMES = 20  # of a proposal
@@ -64,9 +74,10 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
     except MtpBenchError as error:
         return Intake((), (str(error),), ())
     refused = _refused_files(folder, files, trusted_files)
-    refused += _names_without_record(files, names.keys() - trusted_names.keys())
+    new_names = names.keys() - trusted_names.keys()
+    refused += _names_without_record(files, new_names)
     accepted: list[Path] = []
-    notes: list[str] = []
+    notes = _notes_on_names(new_names, names)
     for name in sorted(files.keys() - {Path(OWNERS)}):
         path = folder / name
         if _is_unchanged(path, trust.folder / name):
@@ -155,14 +166,25 @@ def _kind_of(path: Path) -> str:
 def _odd_in_git(root: Path) -> dict[Path, str]:
     """Return odd modes in git's commit of ``root``.
 
-    It is empty without git. A submodule need not have a folder on disk.
+    It is empty outside a repository. A submodule need not have a folder on disk.
+    Raises RecordError where git cannot tell.
     """
+    folder = root.resolve()
+    if not any((parent / ".git").exists() for parent in (folder, *folder.parents)):
+        return {}
     command = ["git", "-c", "protocol.allow=never", "-C", str(root)]
     command += ["ls-tree", "-r", "-z", "HEAD"]
     try:
-        result = subprocess.run(command, capture_output=True, check=False)
+        result = subprocess.run(command, capture_output=True, check=True)
     except FileNotFoundError:
-        return {}
+        raise RecordError(f"{root} is a clone: install git to check it") from None
+    except subprocess.CalledProcessError as error:
+        lines = error.stderr.decode(errors="replace").split("\n", 1)
+        raise RecordError(
+            f"{root}: git cannot list its files "
+            f"({clean_text(lines[0], _MOST_OUTPUT)}): make a clone "
+            "of your own and take that in"
+        ) from None
     odd = {}
     for entry in os.fsdecode(result.stdout).split("\0"):
         if entry and not entry.startswith(_PLAIN_MODE):
@@ -219,7 +241,21 @@ def _require_free(new_names: Sequence[str], taken_names: Sequence[str]) -> None:
 
 def _look(name: str) -> str:
     """Return a text that is equal for names that look alike."""
-    return name.lower().translate(_LOOK_ALIKE)
+    text = name.lower().replace("rn", "m").replace("vv", "w")
+    return text.translate(_LOOK_ALIKE)
+
+
+def _notes_on_names(new_names: Collection[str], names: Iterable[str]) -> list[str]:
+    """Return a note for each new name that is close to a name of ``names``."""
+    notes = []
+    for name in sorted(new_names):
+        others = [other for other in (*baseline_names(), *names) if other != name]
+        if close_names := get_close_matches(name, others, 1, _CLOSE):
+            notes.append(
+                f"{OWNERS}: {name!r} is close to {close_names[0]!r}: may readers take "
+                "one for the other?"
+            )
+    return notes
 
 
 def _accepted_record(
