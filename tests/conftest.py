@@ -161,6 +161,9 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "cache"
     folder.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
+        from mtp_bench.tracking.kernels.cache import cache_folder  # imports Numba
+
+        patch.setenv("NUMBA_CACHE_DIR", str(cache_folder()))  # else each session compiled the kernels anew
         patch.setenv("MTP_BENCH_CACHE", str(folder))
         yield folder
 

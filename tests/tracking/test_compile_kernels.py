@@ -91,7 +91,7 @@ def test_a_damaged_file_is_noticed_and_the_kernel_compiled_again(
 def test_read_only_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("a file, not a folder", encoding="utf-8")
     load(tmp_path / "file" / "cache", monkeypatch)
-    assert "set NUMBA_CACHE_DIR" in capsys.readouterr().err
+    assert "set MTP_BENCH_CACHE" in capsys.readouterr().err
     monkeypatch.setattr("mtp_bench.running.playing.parallel_map", lambda *_: pytest.fail("they would compile in vain"))
     compile_kernels(Workers(2))
 

@@ -18,21 +18,21 @@ from types import BuiltinFunctionType, FunctionType, ModuleType
 import llvmlite.binding
 import numba
 
+from ...core import cache_root
+
 _SUM = ".sha256"
 
 
 def cache_folder() -> Path:
     """Return the folder of all compiled kernels.
 
-    It is the one in NUMBA_CACHE_DIR, else in the user's cache.
+    NUMBA_CACHE_DIR names it; otherwise it is the folder of other files made once.
     """
     chosen_folder = os.environ.get("NUMBA_CACHE_DIR")
     if chosen_folder:
         # an agent's process works in another folder
         return Path(chosen_folder).absolute()
-    from platformdirs import user_cache_path
-
-    return user_cache_path("mtp_bench", appauthor=False)
+    return cache_root()
 
 
 def folder_of(function: FunctionType, signature: str) -> Path:

@@ -43,7 +43,7 @@ _SLOW_COMPILE_S = {"joint_k_best": 22.0, "k_means": 5.0}
 _COMPILE_S = 1.5
 _UNCACHED = (
     "compiling the kernels of trackers and samplers: about 50 CPU seconds in every "
-    "process, since the cache cannot be written; set NUMBA_CACHE_DIR to another folder"
+    "process, since the cache cannot be written; set MTP_BENCH_CACHE to another folder"
 )
 # how Numba's RuntimeError begins where it finds no folder to write to
 _NO_CACHE = "cannot cache function"
