@@ -11,7 +11,6 @@ import re
 import signal
 import sys
 import tomllib
-import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -181,10 +180,6 @@ def main() -> None:
             f"{NUMBA_SETTINGS.absolute()} would change how Numba compiles: "
             "run from another folder, or remove it"
         )
-    # joblib renews workers that hold much memory, and says so; nothing is lost by it.
-    warnings.filterwarnings(
-        "ignore", message="A worker stopped while some jobs were given"
-    )
     try:
         try:
             app(prog_name="mtp-bench")

@@ -7,6 +7,7 @@ import socket
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -115,6 +116,8 @@ def unordered_map(
         from joblib import Parallel, delayed
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
+        # joblib renews workers that hold much memory, and says so; nothing is lost by it
+        warnings.filterwarnings("ignore", message="A worker stopped while some jobs")
         # with n_jobs=1 joblib would use this process
         count = min(workers.count, max(2, len(calls)))
         parallel: Any = Parallel(
