@@ -3,6 +3,8 @@
 import os
 import resource
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -19,7 +21,7 @@ from mtp_bench.judge.gateway.fork_server import ForkServer, ForkServerError, dis
 from mtp_bench.judge.gateway.layout import TEMPORARY, Layout, _with_tmp, image_of, layout_for, library
 from mtp_bench.judge.gateway.process import AgentProcess
 from mtp_bench.judge.gateway.processes import children
-from tests.support.hostile import HONEST, QUICK, Court, submission
+from tests.support.hostile import HONEST, QUICK, SCENE, Court, submission
 
 pytestmark = [
     pytest.mark.needs("sandbox"),
@@ -149,6 +151,16 @@ def test_a_server_that_ended_is_replaced(court: Court) -> None:
     os.killpg(running_server()._process.pid, signal.SIGKILL)
     running_server()._process.wait()
     assert court.again().status == "finished"
+
+
+def test_a_low_limit_of_open_files_is_named(court: Court) -> None:
+    """In a process of its own, since a limit once lowered is not raised again."""
+    folder = str(submission(court.folder / "hostile"))
+    code = f"from mtp_bench.judge import run_isolated as run; run({folder!r}, {court.card!r}, "
+    code += f"{{'data': {court.data!r}}}, {SCENE!r})"
+    program = ["bash", "-c", 'ulimit -n 60; exec "$0" -c "$1"', sys.executable, code]
+    output = subprocess.run(program, check=False, capture_output=True, text=True)
+    assert "60 open files are allowed, expected 1024: raise the limit with `ulimit -Hn 1024`" in output.stderr
 
 
 def test_a_server_that_cannot_fork_is_replaced_once(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,7 +65,14 @@ def main(child: Any, setup: dict[str, Any], descriptor: int) -> None:
     ``child``: the module `child`, which is the script that runs. ``descriptor``: number
     of the socket's file descriptor.
     """
-    resource.setrlimit(resource.RLIMIT_NOFILE, (_MAX_OPEN_FILES, _MAX_OPEN_FILES))
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (_MAX_OPEN_FILES, _MAX_OPEN_FILES))
+    except ValueError:
+        _, allowed = resource.getrlimit(resource.RLIMIT_NOFILE)
+        raise SystemExit(
+            f"{allowed} open files are allowed, expected {_MAX_OPEN_FILES}: raise the "
+            f"limit with `ulimit -Hn {_MAX_OPEN_FILES}`"
+        ) from None
     # a number below the limit, so that forks close it
     judge = socket.socket(fileno=os.dup(descriptor))
     os.close(descriptor)
