@@ -97,6 +97,7 @@ def decode(
     except msgspec.ValidationError as error:
         # msgspec says "Expected `int`, got `str` - at `$.key[0]`"
         problem, _, place = str(error).partition(" - at `$")
+        problem = problem.replace("got `null`", "got null or NaN")
         where = f"{source}, {place.rstrip('`')}".removesuffix(", ")
         raise DataError(f"{where}: {problem[0].lower()}{problem[1:]}") from None
     except (msgspec.DecodeError, ValueError) as error:

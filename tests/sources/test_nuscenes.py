@@ -13,7 +13,7 @@ from mtp_bench.sources import describe, open_source
 from mtp_bench.sources.nuscenes.layout import SPLITS, official_scenes, scenes_by_split
 from mtp_bench.sources.nuscenes.source import NuScenes
 from mtp_bench.sources.nuscenes.tables import TableRecord, read_records
-from mtp_bench.sources.text import decode
+from mtp_bench.sources.text import as_json, decode
 from tests.support.nuscenes_root import PREDICTION, SCENES, VERSION, edited, nuscenes_card, scene, write_root
 
 
@@ -121,6 +121,8 @@ def test_nan_is_null_outside_of_texts(tmp_path: Path) -> None:
     assert [each.token for each in read_records(path, TableRecord)] == ["NaN", "aNaN"]
     with pytest.raises(DataError, match="somewhere"):
         decode(b"NaN", list[TableRecord], "somewhere")
+    with pytest.raises(DataError, match=r"somewhere, \[0\]: expected `int`, got null or NaN"):
+        decode(as_json(b"[NaN]"), list[int], "somewhere")
 
 
 def test_official_splits() -> None:
