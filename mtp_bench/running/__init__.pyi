@@ -75,7 +75,9 @@ from .rollout_files import (
 from .settings import (
     Setting as Setting,
     all_settings as all_settings,
+    other_split as other_split,
     references_of as references_of,
+    scenes_of_card as scenes_of_card,
     setting_of as setting_of,
 )
 from .stored import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Unpack
 
 from ..agent import submission_of
-from ..cards import Card
+from ..cards import Card, with_split
 from ..core import long_work
 from ..env import MTPEnv
 from ..scoring import (
@@ -24,7 +24,7 @@ from ..scoring import (
 from .options import DEFAULTS, RunKeywords, RunOptions, resolve_options
 from .playing import AgentFailedError, Job, first_errors, jobs_of, run_jobs
 from .reference import ranked_scenes, reference_for
-from .settings import Setting, setting_of, training_note
+from .settings import Setting, scenes_of_card, setting_of, training_note
 
 Scores = AgentScores | AgentFailedError
 
@@ -171,6 +171,9 @@ class EnvEvaluation:
             report.condition["trained"] = "; ".join(
                 f"{note}: {', '.join(names)}" for note, names in agents_of_note.items()
             )
+            training_card = with_split(self.card, "train")
+            shared = scenes_of_card(self.scenes, training_card, self.options.data)
+            report.condition["trained"] += f". These scenes: {', '.join(shared)}"
         return report, event_weights
 
     def jobs(self, setting: Setting, seed: int, scenes: Sequence[str]) -> list[Job]:

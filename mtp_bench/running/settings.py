@@ -1,7 +1,8 @@
 """Settings: a submission with the parameters and samples of one row of a comparison."""
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any
@@ -14,9 +15,10 @@ from ..agent import (
     load_submission,
     submission_of,
 )
-from ..cards import Card
+from ..cards import Card, with_split
 from ..core import MtpBenchError, SubmissionError
 from ..scoring import Budget, shipped_env_id
+from ..sources import open_source
 
 _REFERENCE_ROLES: tuple[Role, ...] = (
     "single",
@@ -248,6 +250,25 @@ def training_note(submission: Submission, card: Card) -> str | None:
     another split, detections or scenes has no note.
     """
     return submission.note_on(card.id) if shipped_env_id(card.id, card.digest) else None
+
+
+def scenes_of_card(names: Collection[str], card: Card, data: str | None) -> list[str]:
+    """Return the scenes of ``names`` that are in a card's split, none without data."""
+    try:
+        split_names = open_source(card, data).names
+    except MtpBenchError:
+        return []
+    return [name for name in names if name in split_names]
+
+
+def other_split(names: Collection[str], card: Card, data: str | None) -> str | None:
+    """Return a split of the card's source with none of the scenes ``names``."""
+    for split in card.source.splits:
+        with suppress(MtpBenchError):  # not every split has scenes here
+            source = open_source(with_split(card, split), data)
+            if not {*source.names} & {*names}:
+                return split
+    return None
 
 
 def _count(

@@ -1,15 +1,17 @@
 """Scenes that parameters are fitted to: of the training split of an env, or another."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..cards import Card
-from ..core import MtpBenchError, Observation, Scene, Task
+from ..core import MtpBenchError, Observation, Scene, Task, say_once
 from ..env import MTPEnv, true_detections
-from ..running import Fold, RunOptions, held_out
+from ..running import Fold, RunOptions, held_out, other_split, scenes_of_card
 from ..sources import SceneSource, open_source
+
+_MOST_NAMED = 10  # scenes in a line
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,23 @@ def open_split(
         raise MtpBenchError(
             f"{card.id} has no scene in its split {card.source.split!r}"
         )
+    if not left_out:
+        _say_scored(scene_names, replace(options, split=None).card(env_id), options)
     return Split(card, source, scene_names, options)
+
+
+def _say_scored(names: Sequence[str], card: Card, options: RunOptions) -> None:
+    """Name the scenes that the env scores by default."""
+    scored = scenes_of_card(names, card, options.data)
+    if scored:
+        text = (
+            f"{len(scored)} of these {len(names)} scenes are scored by {card.id}: "
+            f"{', '.join(scored[:_MOST_NAMED])}"
+        )
+        split = other_split(names, card, options.data)
+        if split is not None:
+            text += f"; score others with --split {split} (split={split!r})"
+        say_once(text)
 
 
 def observations(scene: Scene, observe: str = "detections") -> Iterator[Observation]:
