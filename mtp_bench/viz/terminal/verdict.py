@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from ...agent import controls
 from ...core import Column
 from ...scoring import (
+    RANKED_OBJECTS,
     SIGNIFICANT,
     AgentScores,
     Interval,
@@ -124,7 +125,13 @@ def cost_lines(report: Report) -> Iterator[str]:
 
 
 def _paired(report: Report, agent: str, control: str, subset: str) -> PairedRow | None:
-    """Return the difference of an agent's most hypotheses to a control."""
+    """Return the difference of an agent's most hypotheses to a control.
+
+    None for fewer objects than ranks need.
+    """
+    objects = [row.effective_objects or 0 for row in report.rows if row.subset == subset]
+    if max(objects, default=0) < RANKED_OBJECTS:  # alike for all agents with targets
+        return None
     key = (agent, "equal", control, subset)
     pairs = [
         row
