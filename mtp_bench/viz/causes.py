@@ -47,6 +47,7 @@ TEMPLATES = {  # reason -> evidence; keys of the values have their units
     "and takes {detection}",
     "no forecast": "detected {detection_m:.1f} m away with score {score:.2f}, but "
     "without a forecast",
+    "nothing forecast": "{agent} forecasts nothing in this scene",
     "borrowed detections": "the detections there are of other objects: {owner}",
     "other class": "the detection there says {detected_class}, score {score:.2f}",
     "off place": "the nearest {noun} detection is {detection_m:.1f} m away, the gate "
@@ -139,6 +140,8 @@ def causes_of(focus: Focus) -> list[Cause]:
             reason = "borrowed detections"
         elif is_sure and part_name == BELOW_THRESHOLD:
             reason = "filled budgets"
+        elif not len(focus.replay.rollout.object_box):
+            reason = "nothing forecast"
         causes.append(Cause(stage, reason, _MEASURES[reason](focus), cost_m))
     return causes
 
@@ -347,6 +350,7 @@ _MEASURES: dict[str, Callable[[Focus], Values]] = {
     "history": _history,
     "association": _association,
     "no forecast": _detection,
+    "nothing forecast": lambda focus: {"agent": focus.replay.agent},
     "borrowed detections": _detection,
     "other class": _other_class,
     "off place": _detection,

@@ -211,4 +211,6 @@ def borrowed(replay: Replay) -> Bools:
     of_others = np.bincount(row[is_other], minlength=len(truth.box))
     columns = [list(PART_NAMES).index(key) for key in _WITH_DETECTION]
     explained = replay.part[:, columns].sum(axis=1) > 0
+    if not len(replay.rollout.object_box):  # the agent alone explains them
+        explained[:] = False
     return np.asarray((count > 0) & (count == of_others) & explained)

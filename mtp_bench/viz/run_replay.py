@@ -318,6 +318,10 @@ def _forecasts(
     worth[:, 1] = np.append(rollout.object_confidence, np.nan)[forecast]
     part = np.full((len(scene.truth.box), len(PART_NAMES)), np.nan)
     part[targets.row] = parts.part
+    if not len(rollout.object_box):  # no other stage is to blame
+        missed_m = blame(part)
+        part[targets.row] = 0.0
+        part[:, list(PART_NAMES).index("no_forecast")] = missed_m
     return worth, parts._replace(part=part), forecast, matching.false
 
 

@@ -126,6 +126,18 @@ def test_planted_faults(planted: Replay) -> None:
     assert cause.values["detected_class"] == "pedestrian"
 
 
+def test_an_agent_that_forecasts_nothing(tmp_path: Path) -> None:
+    """It is to blame, not the detector that missed the objects as well."""
+    mtp_bench.run("blind", "MTP-nuScenes-mini-v0", tmp_path / "run", files=write_log(tmp_path / "logs"))
+    opened = open_run(tmp_path / "run")
+    blind = PlayedRun(opened).replay(opened.first())
+    found = moments(blind)
+    assert found
+    for moment in found:
+        assert (moment.fault, moment.cause, moment.borrowed) == ("tracker", "no forecast", False)
+        assert sentence(Focus(blind, moment.at)).endswith("m: blind forecasts nothing in this scene")
+
+
 CONFIDENCES = {
     "sure": (0.7, "confidence: filled budgets", (9, 10, 1.0)),
     "unsure": (0.3, "confidence: below threshold", (9, 10, 1.0)),
