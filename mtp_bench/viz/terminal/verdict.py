@@ -129,7 +129,9 @@ def _paired(report: Report, agent: str, control: str, subset: str) -> PairedRow 
 
     None for fewer objects than ranks need.
     """
-    objects = [row.effective_objects or 0 for row in report.rows if row.subset == subset]
+    objects = [
+        row.effective_objects or 0 for row in report.rows if row.subset == subset
+    ]
     if max(objects, default=0) < RANKED_OBJECTS:  # alike for all agents with targets
         return None
     key = (agent, "equal", control, subset)
