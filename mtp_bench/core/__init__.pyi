@@ -33,6 +33,7 @@ from .errors import (
     describe_problem as describe_problem,
     nearest as nearest,
     of_kind as of_kind,
+    other_spelling as other_spelling,
     require_finite as require_finite,
     require_known as require_known,
     require_shape as require_shape,

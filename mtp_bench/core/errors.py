@@ -161,7 +161,8 @@ _TWO_WHEELS = """
 _PEOPLE = "pedestrian person worker child adult people"
 # the first of a kind that has settings stands for the others
 _KINDS = (_VEHICLES.split(), _TWO_WHEELS.split(), _PEOPLE.split())
-_SAME_SPELLING = 0.7  # similarity of two spellings of one name
+_SAME_SPELLING = 0.7  # similarity of names that may be two spellings of one
+_OTHER_SPELLING = 0.9  # similarity of names that are
 
 
 def class_hint(name: str, names: Iterable[str]) -> str:
@@ -179,6 +180,24 @@ def class_hint(name: str, names: Iterable[str]) -> str:
         return f"similar is {same_kind!r}"
     meant = same_spelling or same_kind
     return f"did you mean {meant!r}?" if meant else ""
+
+
+def other_spelling(name: str, names: Collection[str]) -> str:
+    """Return the class of ``names`` that ``name`` spells otherwise, empty if none.
+
+    "vehicle.Cars" is "car", but a motorcyclist is no motorcycle.
+    """
+    if name in names:
+        return ""
+    plain_names = {_plain(each): each for each in names}
+    meant_name = closest(_plain(name), plain_names, _OTHER_SPELLING)
+    return plain_names[meant_name] if meant_name else ""
+
+
+def _plain(name: str) -> str:
+    """Return small letters and digits after a dot, without an s at the end."""
+    word = name.lower().rsplit(".", maxsplit=1)[-1]
+    return "".join(filter(str.isalnum, word)).removesuffix("s")
 
 
 def similar_class(name: str, names: Iterable[str]) -> str | None:

@@ -19,6 +19,7 @@ from ..core import (
     clean_text,
     counted,
     long_work,
+    other_spelling,
     require_known,
 )
 from ..env import MTPEnv, assemble, record_action
@@ -155,6 +156,11 @@ class _Import:
         self.samples = max(self.samples, stored.path.shape[1])
         self.steps = max(self.steps, stored.path.shape[2])
         self._classes.update(stored.class_name.tolist())
+        for name in np.unique(stored.class_name).tolist():
+            if meant := other_spelling(name, task.classes):
+                raise DataError(
+                    f"{self._path}: class {name!r}, expected {meant!r} as in the task"
+                )
         stored = stored.select(np.isin(stored.class_name, task.classes))
         class_id = class_ids(stored.class_name.tolist(), task.classes)
         offset, log_weight = self._forecasts(stored)

@@ -38,6 +38,7 @@ from .files.scene import (
     class_ids_of,
     find_table,
     ids_of,
+    require_spelling,
     scores_of,
     velocities_of,
 )
@@ -151,22 +152,8 @@ def checked_frames(table: RowTable, scene: Scene, classes: Sequence[str]) -> Int
         "frame",
     )
     check_ranges(table, positive_sizes=False)
-    _refuse_misspelt(table, classes)
+    require_spelling(table, classes)
     return frame
-
-
-def _refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
-    """Raise DataError for a class of the task in other letters ("vehicle.car")."""
-    names = table["class"]
-    for name in np.unique(names[~np.isin(names, classes)]).tolist():
-        word = name.lower().rsplit(".", maxsplit=1)[-1]
-        for class_name in classes:
-            if class_name.lower() in (word, word.removesuffix("s")):
-                where = table.where(int(np.argmax(names == name)), "class")
-                raise DataError(
-                    f"{where}: {name!r} is not a class of the task; did you mean "
-                    f"{class_name!r}?"
-                )
 
 
 def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:

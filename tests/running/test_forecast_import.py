@@ -168,6 +168,13 @@ def test_other_classes_and_samples_are_counted(data: Path) -> None:
     assert any(line.startswith("8 objects in 4 frames of 1 scene, the least confidence is") for line in lines)
 
 
+def test_a_class_in_another_spelling_is_refused(data: Path) -> None:
+    content = driving()
+    content[sample(SCENE, 0)] += [{**content[sample(SCENE, 0)][0], "class_name": "Car"}]
+    with pytest.raises(DataError, match="class 'Car', expected 'car' as in the task"):
+        imported(data, content)
+
+
 def test_a_class_that_is_missing_is_named(data: Path) -> None:
     content = driving()
     for objects in content.values():

@@ -168,6 +168,17 @@ def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Ca
     assert scene.skipped == {"truth of class 'person', which the task does not have: did you mean 'pedestrian'?": 2}
 
 
+@pytest.mark.parametrize("name", ["Car", "cars", "vehicle.car", "CAR", "Pedestrain"])
+@pytest.mark.parametrize("table", ["truth", "detections"])
+def test_a_class_in_another_spelling_is_refused(table: str, name: str, tmp_path: Path, base: Card) -> None:
+    """Its rows would be skipped, and counted where nobody looks."""
+    rows = {"truth": TRUTH, "detections": DETECTIONS}
+    rows[table] = [*rows[table], rows[table][1].replace("car", name)]
+    message = rf"line {len(rows[table])}, column 'class': '{name}' is not a class of the task; did you mean '"
+    with pytest.raises(DataError, match=message):
+        only(base, write_tables(tmp_path, **rows))
+
+
 @pytest.mark.parametrize("sides", ["0,1.8,1.5", "4,-1.8,1.5", "4,1.8,1e-9"])
 def test_flat_detections_are_left_out_and_counted(sides: str, tmp_path: Path, base: Card) -> None:
     scene = only(base, write_tables(tmp_path, detections=[*DETECTIONS, f"1,car,5,5,0.8,0,{sides},0.9"]))

@@ -20,6 +20,7 @@ from ...core import (
     Truth,
     class_hint,
     closest,
+    other_spelling,
     starts_of_sorted,
 )
 from ..base import (
@@ -293,6 +294,7 @@ def _usable_rows(
     All rows are checked. The rows are sorted by frame and otherwise in their order.
     """
     check_ranges(table, positive_sizes=name == "truth")
+    require_spelling(table, classes)
     class_names = table["class"]
     is_used = np.isin(class_names, list(classes))
     if len(class_names) and not is_used.any():
@@ -313,6 +315,20 @@ def _usable_rows(
             reason += f": {hint}"
         skipped[reason] = count
     return sorted_rows(frame, is_used), skipped
+
+
+def require_spelling(table: RowTable, classes: Collection[str]) -> None:
+    """Raise DataError for a class of the task that is spelt otherwise."""
+    names, index = np.unique(table["class"], return_inverse=True)
+    meant = np.array([other_spelling(name, classes) for name in names.tolist()])[index]
+    table.refuse(
+        meant != "",
+        lambda row: (
+            f"{str(table['class'][row])!r} is not a class of the task; "
+            f"did you mean {str(meant[row])!r}?"
+        ),
+        "class",
+    )
 
 
 def boxes_of(table: RowTable) -> Floats:
