@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,7 @@ def test_samples_of_other_scenes_are_counted(tmp_path: Path) -> None:
 
 def test_numbers_that_are_not_json_are_read_as_unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mapped, "_CHUNK_BYTES", 64)
-    objects = mfeval()
+    objects = deepcopy(mfeval())  # its lists are those of other tests
     objects[0]["detection_score"] = float("nan")
     objects[0]["note"] = "NaN, Infinity"
     objects[1]["traj"][2][3] = [float("inf"), float("-inf")]
