@@ -109,6 +109,20 @@ def test_scenes_with_a_crash_are_counted(monkeypatch: pytest.MonkeyPatch, capsys
         open_source(gym_card(split="train")).load("merge-v0-000000")
 
 
+def test_misspelt_keys_are_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.delenv(QUIET_VARIABLE, raising=False)
+    config = {
+        "simulation_frequency": 10,
+        "vehicle_count": 3,
+        "action": {"type": "DiscreteMetaAction", "longitudnal": True},
+    }
+    gym_simulate.checked_rate(traffic("highway-v0", **config), 0)
+    said = capsys.readouterr().err
+    assert "highway-v0 has no default for the key 'vehicle_count' of [source] config: if it is misspelt, it" in said
+    assert "'action.longitudnal'" in said
+    assert "simulation_frequency" not in said
+
+
 @pytest.mark.parametrize(
     ("source", "text"),
     [
@@ -117,6 +131,14 @@ def test_scenes_with_a_crash_are_counted(monkeypatch: pytest.MonkeyPatch, capsys
         ({"id": "CartPole-v1", "config": {}}, "CartPole-v1 is not an environment of highway-env"),
         ({"id": "no_such_module:A-v0"}, "no module 'no_such_module', which"),
         ({"module": "no_such.module"}, "no module 'no_such.module', which"),
+        (
+            {"config": {"simulation_frequency": 10, "policy_frequency": 20}},
+            "policy_frequency 20 above simulation_frequency",
+        ),
+        (
+            {"id": "highway-v0", "config": {"simulation_frequency": 10, "vehicles_count": 0}},
+            "no vehicle but those of the",
+        ),
         ({"policy": "fast"}, "policy: got 'fast': expected 'idm', 'idle' or"),
         ({"policy": "sys:exit"}, "no module 'sys', which"),
         ({"id": "lane-keeping-v0"}, "lane-keeping-v0 with policy 'idm' cannot be simulated: AttributeError: "),

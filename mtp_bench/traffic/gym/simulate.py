@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core import CardError, DataError, MtpBenchError
+from ...core import CardError, DataError, MtpBenchError, say_once
 from ..highway.lanes import lane_map
 from ..highway.vehicles import round_states
 from ..highway.world import (
@@ -27,14 +27,59 @@ from ..highway.world import (
 _HEIGHT_M = {"motorcycle": 1.5, "car": 1.6, "truck": 3.2}
 # between lanes that follow each other, such as those into highway-env's roundabout
 _MAX_JOINT_GAP_M = 6.0
+_TRIAL_STEPS = 3  # of the environment, before all scenes
 _MIN_CAR_LENGTH_M = 3.0
 _MAX_CAR_LENGTH_M = 6.5
 
 
-def simulation_rate(traffic: GymTraffic) -> float:
-    """Return the steps of the simulation per second, Hz."""
+def checked_rate(traffic: GymTraffic, seed: int) -> float:
+    """Return the steps of the simulation per second, Hz, and play the first steps.
+
+    Configuration keys that the environment does not have are named. Raises CardError
+    for a policy that is faster than the simulation, and DataError for an environment
+    without other vehicles, or that the policy cannot drive in.
+    """
     with _restored_classes(traffic):
-        return float(_environment(traffic).config["simulation_frequency"])
+        env, observation, policy = _start(traffic, seed)
+        for key in _unknown_keys(traffic.config, env.default_config()):
+            say_once(
+                f"{traffic.id} has no default for the key {key!r} of [source] config: "
+                "if it is misspelt, it changes nothing"
+            )
+        rate = float(env.config["simulation_frequency"])
+        policy_rate = env.config["policy_frequency"]
+        if policy_rate > rate:
+            raise CardError(
+                f"config: got policy_frequency {policy_rate} above "
+                f"simulation_frequency {rate:g}, expected at most that"
+            )
+        for _ in range(_TRIAL_STEPS):
+            observation, *_ = env.step(policy(observation))
+            if len(env.road.vehicles) > len(env.controlled_vehicles):
+                return rate
+        raise DataError(
+            f"{traffic.id}: no vehicle but those of the agent in {_TRIAL_STEPS} steps, "
+            "expected others to track: is there a key such as vehicles_count in config?"
+        )
+
+
+def _unknown_keys(config: dict[str, Any], defaults: dict[str, Any]) -> Iterator[str]:
+    """Yield the keys of a configuration, also nested, that have no default."""
+    for key, value in config.items():
+        if key not in defaults:
+            yield key
+        elif isinstance(value, dict) and isinstance(defaults[key], dict):
+            yield from (f"{key}.{each}" for each in _unknown_keys(value, defaults[key]))
+
+
+def _start(traffic: GymTraffic, seed: int) -> tuple[Any, Any, Callable[[Any], Any]]:
+    """Return an environment after its reset, the observation and the policy."""
+    env = _environment(traffic)
+    if ":" not in traffic.policy:
+        # no policy reads observations; some kinds need vehicles of their own kind
+        env.configure({"observation": {"type": "Kinematics"}})
+    observation, _ = env.reset(seed=seed)
+    return env, observation, _policy(env, traffic.policy)
 
 
 def _environment(traffic: GymTraffic) -> Any:
@@ -109,12 +154,7 @@ def simulate(traffic: GymTraffic, seed: int) -> World:
     It has no frames if two vehicles crash or the vehicle with the sensor is removed.
     """
     with _restored_classes(traffic):
-        env = _environment(traffic)
-        if ":" not in traffic.policy:
-            # no policy reads observations; some kinds need vehicles of their own kind
-            env.configure({"observation": {"type": "Kinematics"}})
-        observation, _ = env.reset(seed=seed)
-        policy = _policy(env, traffic.policy)
+        env, observation, policy = _start(traffic, seed)
         rate = float(env.config["simulation_frequency"])
         recorder = _Recorder(env, rate)
         ego = recorder.numbers[env.vehicle]

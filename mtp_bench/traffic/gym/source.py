@@ -137,10 +137,11 @@ class GymScenes(TrafficScenes):
         """
         seeds = super().missing()
         if seeds:
-            from .simulate import simulation_rate  # imports highway-env
+            from .simulate import checked_rate  # imports highway-env
 
             advice = "; or set config = { simulation_frequency = ... }"
-            stride_of(self.card, simulation_rate(self.store.traffic), advice)
+            rate = checked_rate(self.store.traffic, seeds[0])
+            stride_of(self.card, rate, advice)
         return seeds
 
 
