@@ -31,4 +31,4 @@ def test_the_fault_of_eth_is_named_where_environments_and_data_are_listed(tmp_pa
     fault = describe(card, tmp_path).about.known_fault
     assert "biwi_eth" in fault
     assert fault in env_table([card]).cells(card)[-1]
-    assert f"  known fault: {fault}" in data_lines({ENV: describe(card, tmp_path)})
+    assert f"known fault: {fault}" in data_lines(describe(card, tmp_path))

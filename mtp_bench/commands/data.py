@@ -1,6 +1,6 @@
 """``mtp-bench envs`` and ``mtp-bench data``."""
 
-from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated
 
 from typer import BadParameter, Option
@@ -8,7 +8,6 @@ from typer import BadParameter, Option
 from ..cards import load_card, with_split
 from ..core import MtpBenchError, card_ids, long_work
 from ..running import read_status
-from ..sources import DataStatus
 from ..viz import data_lines, env_table, show, show_table, status_json, status_table
 from .options import DataOption, JsonOption, NoDoctorOption, SplitOption
 from .output import write_json
@@ -31,40 +30,41 @@ def data(
     split: SplitOption = None,
     no_doctor: NoDoctorOption = False,
 ) -> None:
-    """Show which data is found, what is missing, how to get it, and doubts about it.
+    """Show which data is found, or with --env what is missing, and how to get it.
 
-    Status 1 for broken files; with --env also for data that is not there.
+    With --env status 1 for data that is broken or not there. It also shows licence,
+    citation and doubts about the data.
     """
-    if split is not None and env is None:
+    if env is None:
+        _show_all(root, split, json_file)
+        return
+    card = load_card(env)
+    if split is not None:
+        card = with_split(card, split)
+    status = read_status(card, root, no_doctor)
+    write_json(json_file, {card.id: status_json(status)})
+    show("\n".join(data_lines(status)))
+    if status.problems or not status.usable:
+        raise MtpBenchError(f"data of {card.id} is missing or broken; see above")
+
+
+def _show_all(root: str | None, split: str | None, json_file: Path | None) -> None:
+    """Show the state of the data of all environments, without examining it."""
+    if split is not None:
         raise BadParameter(
             "the splits of environments differ: name one with --env",
             param_hint="--split",
         )
-    env_names = [env] if env else card_ids()
-    cards = [load_card(env_id) for env_id in env_names]
-    if split is not None:
-        cards = [with_split(card, split) for card in cards]
     statuses = {}
     with long_work("checking data") as progress:
-        progress.started(len(cards))
-        for card in cards:
-            statuses[card.id] = read_status(card, root, no_doctor)
-            progress.done(card.id)
+        progress.started(len(card_ids()))
+        for env_id in card_ids():
+            statuses[env_id] = read_status(load_card(env_id), root, no_doctor=True)
+            progress.done(env_id)
     content = {env_id: status_json(status) for env_id, status in statuses.items()}
     write_json(json_file, content)
     show_table(status_table(statuses))
-    show("\n".join(data_lines(statuses)))
-    _require_complete(statuses, is_needed=env is not None)
-
-
-def _require_complete(statuses: Mapping[str, DataStatus], is_needed: bool) -> None:
-    """Raise MtpBenchError for broken data, and for missing data that is needed."""
-    incomplete: list[str] = []
-    for env_id, status in statuses.items():
-        if status.problems or (is_needed and not status.usable):
-            incomplete.append(env_id)
-    if incomplete:
-        raise MtpBenchError(
-            f"data is missing or broken for {', '.join(incomplete)}; see the listing "
-            "above"
-        )
+    show(
+        "`mtp-bench data --env ENVIRONMENT` shows what is missing and how to get it, "
+        "the licence, and doubts about the data."
+    )

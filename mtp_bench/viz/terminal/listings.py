@@ -1,7 +1,7 @@
 """Listings of environments and data for the terminal."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...cards import Card
@@ -42,16 +42,20 @@ def _summary(card: Card) -> str:
 
 
 def status_table(statuses: Mapping[str, DataStatus]) -> Table:
-    """Return the state of the data of each environment."""
+    """Return the state of the data, with a row per dataset and state."""
+    env_ids: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for env_id, status in statuses.items():
+        short_id = env_id.removeprefix("MTP-").removesuffix("-v0")
+        env_ids[status.about.name, _state(status)].append(short_id)
+    rows = [
+        {"dataset": name, "state": state, "envs": ", ".join(ids)}
+        for (name, state), ids in env_ids.items()
+    ]
     columns = (
-        Column("environment", key="env"),
         Column(key="dataset"),
         Column(key="state"),
+        Column("environments", key="envs"),
     )
-    rows = [
-        {"env": env_id, "dataset": status.about.name, "state": _state(status)}
-        for env_id, status in statuses.items()
-    ]
     return Table("data", "Data", "", rows, columns)
 
 
@@ -77,53 +81,24 @@ def status_json(status: DataStatus) -> dict[str, Any]:
     }
 
 
-def data_lines(statuses: Mapping[str, DataStatus]) -> list[str]:
-    """Return lines per dataset, such as errors, licence and citation."""
-    datasets: dict[str, dict[str, DataStatus]] = defaultdict(dict)
-    for env_id, status in statuses.items():
-        datasets[status.about.name][env_id] = status
-    lines = []
-    for name, by_env in datasets.items():
-        lines += ["", name]
-        lines += [f"  {text}" for text in (*_findings(by_env), *_about(by_env))]
-    return lines
-
-
-def _findings(statuses: Mapping[str, DataStatus]) -> Iterator[str]:
-    """Yield each finding once, with the envs it is limited to."""
-    env_ids: dict[str, list[str]] = defaultdict(list)
-    for env_id, status in statuses.items():
-        for line in _env_findings(status):
-            env_ids[line].append(env_id)
-    for line, ids in env_ids.items():
-        if len(ids) == len(statuses):
-            yield line
-        else:
-            yield f"{', '.join(ids)}: {line}"
-
-
-def _env_findings(status: DataStatus) -> Iterator[str]:
+def data_lines(status: DataStatus) -> list[str]:
+    """Return what is found and missing of an environment's data, licence and citation."""
+    about = status.about
+    lines = [about.name]
     if status.root:
-        yield f"in {status.root}"
+        lines.append(f"in {status.root}")
     else:
-        yield f"missing; looked in {', '.join(map(str, status.searched))}"
-    for line in status.missing:
-        yield f"missing: {line}"
-    for line in status.problems:
-        yield f"wrong: {line}"
+        lines.append(f"missing; looked in {', '.join(map(str, status.searched))}")
+    lines += [f"missing: {line}" for line in status.missing]
+    lines += [f"wrong: {line}" for line in status.problems]
     if status.counts:
         counts = (f"{number} {noun}" for noun, number in status.counts.items())
-        yield f"found: {', '.join(counts)}"
-    yield from status.notes
-
-
-def _about(statuses: Mapping[str, DataStatus]) -> Iterator[str]:
-    about = next(iter(statuses.values())).about
-    yield f"licence: {about.licence}"
-    yield f"please cite: {about.citation}"
+        lines.append(f"found: {', '.join(counts)}")
+    lines += status.notes
+    lines += [f"licence: {about.licence}", f"please cite: {about.citation}"]
     if about.known_fault:
-        yield f"known fault: {about.known_fault}"
-    if not all(status.usable for status in statuses.values()):
-        yield f"how to get it: {about.how_to_get}"
-        yield "expected layout:"
-        yield from about.layout.splitlines()
+        lines.append(f"known fault: {about.known_fault}")
+    if not status.usable:
+        lines += [f"how to get it: {about.how_to_get}", "expected layout:"]
+        lines += about.layout.splitlines()
+    return lines
