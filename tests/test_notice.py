@@ -5,8 +5,11 @@ import re
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
+import nbformat
 import pytest
+from nbclient import NotebookClient
 
 from mtp_bench.core import notice
 from mtp_bench.core.parallel import Workers, parallel_map
@@ -39,7 +42,34 @@ def test_long_work_says_what_it_does_and_how_far_it_is(capsys: pytest.CaptureFix
     assert (lines[0], lines[1]) == ("mtp_bench: reading?[2J, 0 of 4", "mtp_bench: reading?[2J, 0 of 4, 1 s so far")
     assert "mtp_bench: reading?[2J, 1 of 4, a, about 1 s left" in lines
     assert "mtp_bench: a table, about 5 min" in lines, "known to be long: at once"
-    assert lines[-1].startswith("mtp_bench: reading?[2J, 2 of 4, b, about ")
+    assert lines[-1].startswith("mtp_bench: reading?[2J, 2 of 4, b, ")
+
+
+def test_an_estimate_never_rises(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Items of 1, 1, 1, 9, 1, 1 s: what is left is said while items are alike, else what has passed."""
+    now_s = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    work = notice._Work("reading", 0)
+    work.started(6)
+    work.shown = True
+    states = []
+    for seconds in (1, 1, 1, 9, 1, 1):
+        now_s += seconds
+        work.done()
+        states.append(work.state())
+    assert states[:3] == ["1 of 6, about 5 s left", "2 of 6, about 4 s left", "3 of 6, about 3 s left"]
+    assert states[3:] == ["4 of 6, 12 s so far", "5 of 6, about 3 s left", "6 of 6, 14 s so far"]
+
+
+def test_a_notebook_has_one_line_per_cell_that_changes() -> None:
+    code = "import time\nfrom mtp_bench.core import notice\nfrom mtp_bench.core import long_work\nnotice.SILENT_SECONDS = 0.02"
+    code += "\nfor name in 'ab':\n    with long_work(name) as progress:\n        progress.started(3)\n        time.sleep(0.5)"
+    v4: Any = nbformat.v4
+    cell = v4.new_code_cell(f"import os\nos.environ['MTP_BENCH_QUIET'] = '0'\n{code}")
+    book = v4.new_notebook(cells=[cell])
+    NotebookClient(book, timeout=60).execute()
+    (output,) = book.cells[0].outputs
+    assert output.data == {"text/plain": ""}, "it is empty at the end"
 
 
 class Terminal(io.StringIO):

@@ -1,10 +1,11 @@
 """Progress of long work on the error stream.
 
 Work that takes more than two seconds says what it does, how far it is and about how
-long it takes: with a bar in terminals and notebooks, else with a line every ten
-seconds. Worker processes print nothing, nor does ``MTP_BENCH_QUIET=1``.
+long it takes: with a bar in terminals, a line that changes in notebooks, else a line
+every ten seconds. Worker processes print nothing, nor does ``MTP_BENCH_QUIET=1``.
 """
 
+import math
 import os
 import sys
 import threading
@@ -12,7 +13,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any
 
 QUIET_VARIABLE = "MTP_BENCH_QUIET"  # environment variable
@@ -21,6 +21,9 @@ LINE_SECONDS = 10.0  # between lines
 BAR_SECONDS = 0.25  # between two states of the bar
 # An item that takes less is from a cache: its time is not that of the others.
 _CACHED_ITEM_SECONDS = 0.005
+# An estimate is never shown to rise: one that rises less stands still, and above that
+# the time that has passed is shown, as items differ too much to tell.
+_MAX_RISE = 1.25
 
 _stack: list["_Work"] = []  # unfinished work of this process, the innermost last
 _watchers: list[threading.Thread] = []  # at most one, as long as there is work
@@ -87,6 +90,7 @@ def long_work(
             _stack.remove(work)
             if work.shown:
                 _bar.clear()
+                _cell_line.clear()
                 # else outer work would flicker between two inner ones
                 for outer in _stack:
                     outer.due = max(outer.due, time.monotonic() + SILENT_SECONDS)
@@ -110,6 +114,7 @@ class _Work:
         self.due = self.begin  # long work is shown at once
         if expected_seconds <= SILENT_SECONDS:
             self.due += SILENT_SECONDS
+        self._least_left = math.inf  # s, of the estimates
         self.started(0)
 
     def started(self, total: int) -> None:
@@ -152,14 +157,44 @@ class _Work:
         if timed_items > 0:
             seconds_per_item = (now_s - self._timed_since) / timed_items
             seconds_left = seconds_per_item * (self.total - self.count)
-        if seconds_left > 0:
+        if 0 < seconds_left < _MAX_RISE * self._least_left:
+            seconds_left = min(seconds_left, self._least_left)
+            self._least_left = seconds_left
             about = f"about {_duration(seconds_left)}"
             return f"{about} left" if self.shown or self.count else about
         return f"{_duration(passed)} so far" if self.shown else ""
 
 
+class _CellLine:
+    """One line in a notebook's cell, updated in its place."""
+
+    def __init__(self) -> None:
+        self._cell: tuple[int, Any] | None = None  # number, and handle of the line
+
+    def show(self, work: _Work) -> None:
+        """Write the state of ``work`` in place of the state before."""
+        self._write(_line_of(work))
+
+    def clear(self) -> None:
+        """Empty the line, which later work of the cell uses again."""
+        if self._cell is not None:
+            self._write("")
+
+    def _write(self, text: str) -> None:
+        from IPython import get_ipython
+        from IPython.display import display
+
+        number = get_ipython().execution_count
+        content = {"text/plain": text}
+        if self._cell is not None and self._cell[0] == number:
+            self._cell[1].update(content, raw=True)
+        else:
+            untyped: Any = display
+            self._cell = number, untyped(content, raw=True, display_id=True)
+
+
 class _Bar:
-    """One bar at the bottom of a terminal or in a notebook."""
+    """One bar at the bottom of a terminal."""
 
     def __init__(self) -> None:
         self._display: Any = None
@@ -208,6 +243,7 @@ class _Bar:
 
 
 _bar = _Bar()
+_cell_line = _CellLine()
 
 
 def _is_silent() -> bool:
@@ -242,20 +278,28 @@ def _show() -> None:
 
 
 def _show_state(work: _Work, now_s: float) -> None:
-    if _has_bar():
+    work.due = now_s + BAR_SECONDS
+    if _is_terminal(sys.stderr) and os.environ.get("TERM") != "dumb":
         with suppress(OSError, ValueError):  # closed or full: work goes on
             _bar.show(work)
-        work.due = now_s + BAR_SECONDS
+    elif _in_notebook():
+        _cell_line.show(work)
     else:
-        _write_line(", ".join(filter(None, [work.text, work.state()])))
+        _write_line(_line_of(work))
         work.due = now_s + LINE_SECONDS
     work.shown = True
 
 
-def _has_bar() -> bool:
-    if _is_terminal(sys.stderr):
-        return os.environ.get("TERM") != "dumb"
-    return "ipykernel" in sys.modules and find_spec("ipywidgets") is not None
+def _line_of(work: _Work) -> str:
+    return ", ".join(filter(None, [work.text, work.state()]))
+
+
+def _in_notebook() -> bool:
+    if "ipykernel" not in sys.modules:
+        return False
+    from IPython import get_ipython
+
+    return get_ipython() is not None
 
 
 def _is_terminal(stream: Any) -> bool:

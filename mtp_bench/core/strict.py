@@ -27,6 +27,7 @@ _MAX_SHOWN = 200  # characters of a value in an error text
 _NUMBER = re.compile(r"(?<![\w.+-])[+-]?\d+\.\d+(?:[eE][+-]?\d+)?(?![\w.])")
 _SURROGATE = re.compile("[\ud800-\udfff]")
 _MAX_DIGITS = 19  # of an integer: it fits 64 bits
+_FIELDS_SHOWN = 6  # of a section in an interpreter
 
 
 class Section(BaseModel):
@@ -38,6 +39,12 @@ class Section(BaseModel):
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False
     )
+
+    def __repr__(self) -> str:
+        known = [(name, value) for name, value in self if value is not None]
+        shown = [f"{name}={value!r}" for name, value in known[:_FIELDS_SHOWN]]
+        more = ", ..." if len(known) > _FIELDS_SHOWN else ""
+        return f"{type(self).__name__}({', '.join(shown)}{more})"
 
 
 SectionT = TypeVar("SectionT", bound=Section)
