@@ -70,6 +70,18 @@ class Comparison:
     def _repr_html_(self) -> str:
         return self.report._repr_html_()
 
+    def to_frame(self) -> Any:
+        """Return the rows, as `Report.to_frame`."""
+        return self.report.to_frame()
+
+    def to_markdown(self) -> str:
+        """Return the main table in Markdown."""
+        return self.report.to_markdown()
+
+    def to_latex(self) -> str:
+        """Return the main table in LaTeX, for the package booktabs."""
+        return self.report.to_latex()
+
 
 def compare(
     agents: Iterable[object],

@@ -14,6 +14,8 @@ from ..core import (
     columns_of,
     counted,
     to_html,
+    to_latex,
+    to_markdown,
     to_text,
 )
 from .definitions import Subset
@@ -92,6 +94,14 @@ class Report:
         """
         records = [row.model_dump() for row in self.rows]
         return data_frame(records, list(Row.model_fields))
+
+    def to_markdown(self) -> str:
+        """Return the main table in Markdown."""
+        return to_markdown(main_table(self))
+
+    def to_latex(self) -> str:
+        """Return the main table in LaTeX, for the package booktabs."""
+        return to_latex(main_table(self))
 
     def per_scene(self) -> list[dict[str, Any]]:
         """Return the numbers of single scenes, as plain values.

@@ -1,7 +1,7 @@
 """All scenes and seeds of one agent: a table per target, and numbers per scene."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ class AgentScores:
     hypotheses: int
     samples: int  # k, per object
     budget: Budget  # "free": another number of samples than the task's k, never ranked
-    seeds: tuple[tuple[SceneScore, ...], ...]
+    seeds: tuple[tuple[SceneScore, ...], ...] = field(repr=False)
     # mode of the env; those with others are shown, never ranked
     observe: str = "detections"
 
@@ -58,7 +58,7 @@ class ReferenceErrors(NamedTuple):
     ground_truth: Floats  # ground-truth tracks
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class AgentTable:
     """Targets [n] of all scenes.
 
@@ -93,6 +93,9 @@ class AgentTable:
     # per subset: expected number in a run of the reference
     events: dict[str, float | None]
     split: ReferenceErrors | None = None  # of references that split errors into parts
+
+    def __repr__(self) -> str:
+        return f"AgentTable of {self.setting.agent}: {len(self.scene)} targets"
 
     def bade(self, subset: str) -> Bade:
         """Return bADE on a subset.

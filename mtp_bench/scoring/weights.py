@@ -72,7 +72,7 @@ class SceneWeights:
         return len(self.counts)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Reference:
     """Event weights of an env, their origin, and the constants that set budgets."""
 
@@ -88,6 +88,12 @@ class Reference:
     frozen: bool = field(default=False, kw_only=True)
     # None: of these scenes
     constants: CardBudget | None = field(default=None, kw_only=True)
+
+    def __repr__(self) -> str:
+        return (
+            f"Reference of {self.env}: {self.agent}, {self.runs} runs of "
+            f"{len(self.scenes)} scenes"
+        )
 
     @cached_property
     def digest(self) -> str:

@@ -95,6 +95,19 @@ def test_the_file_has_the_keys_that_others_script_against(once: Once) -> None:
     assert everything["ms_per_frame"] > 0
 
 
+def test_what_an_interpreter_prints_is_short(card: str, kitti: str) -> None:
+    comparison = compare(["stp"], card, RunOptions(kitti), full=False)
+    report = comparison.report
+    shown = [report, comparison.reference, *comparison.settings, *report.tables, *report.rows, *report.paired]
+    shown += [*report.details, load_card(card), load_submission("stp"), report.tables[0].setting]
+    assert {type(each).__name__: len(repr(each)) for each in shown if len(repr(each)) > 900} == {}
+    assert len(repr(comparison.report.tables)) < 900
+    assert comparison.to_markdown() == report.to_markdown()
+    assert comparison.to_markdown().startswith("| agent")
+    assert r"\begin{tabular}" in comparison.to_latex()
+    assert comparison.to_frame().equals(report.to_frame())
+
+
 def test_more_seeds_are_more_draws_of_the_same_targets(card: str, kitti: str) -> None:
     runs = [RunOptions(kitti, seeds=seeds) for seeds in ((0,), (1,), (0, 1))]
     one, other, both = (compare([], card, options, full=False).report.to_json()["rows"] for options in runs)

@@ -111,7 +111,7 @@ def test_scenes_with_a_crash_are_counted(monkeypatch: pytest.MonkeyPatch, capsys
 
 def test_misspelt_keys_are_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.delenv(QUIET_VARIABLE, raising=False)
-    config = {
+    config: dict[str, Any] = {
         "simulation_frequency": 10,
         "vehicle_count": 3,
         "action": {"type": "DiscreteMetaAction", "longitudnal": True},
