@@ -17,6 +17,7 @@ from ..core import (
     Task,
     Tracks,
     group,
+    in_groups,
     select,
 )
 from .action import FORECAST_LIMIT, FORECAST_REACH
@@ -288,8 +289,7 @@ def _entries(start: Ints, mask: Bools) -> tuple[Ints, Ints, Ints]:
     The place is that among the owner's entries.
     """
     count = np.where(mask, np.diff(start), 0)
-    owner = np.repeat(np.arange(len(count)), count)
-    place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    owner, place = in_groups(count)
     return start[owner] + place, owner, place
 
 

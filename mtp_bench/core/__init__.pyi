@@ -6,6 +6,7 @@ from .arrays import (
     Ints as Ints,
     Observation as Observation,
     Ragged as Ragged,
+    in_groups as in_groups,
     joined as joined,
     select as select,
     starts_of as starts_of,

@@ -88,6 +88,13 @@ def starts_of_sorted(frame: Ints, frames: int) -> Ints:
     return np.searchsorted(frame, np.arange(frames + 1))
 
 
+def in_groups(count: Ints) -> tuple[Ints, Ints]:
+    """Return the group of each member and its place there, of groups of ``count``."""
+    group = np.repeat(np.arange(len(count)), count)
+    first = np.cumsum(count) - count
+    return group, np.arange(len(group)) - first[group]
+
+
 def select(record: RecordT, rows: Ints | Bools) -> RecordT:
     """Return the ``rows`` of a dataclass of arrays."""
     columns = {c.name: getattr(record, c.name)[rows] for c in fields(record)}

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core import Floats, Ints, Ragged, select, starts_of, wrap_angle
+from ..core import Floats, Ints, in_groups, select, wrap_angle
 from .draws import (
     Draws,
     NoiseKind,
@@ -127,9 +127,7 @@ def _appearances(
 ) -> _Appearances:
     """Return members and their visible rows."""
     members = _draw_members(parameters, classes, scene, draws)
-    lives = Ragged(starts_of(members.life))
-    member_row = lives.frame_of_rows
-    member_age = np.arange(len(member_row)) - lives.start[member_row]
+    member_row, member_age = in_groups(members.life)
     count = len(members.life)
     grid = Grid(
         frames=int(members.life.max(initial=0)),  # of ages

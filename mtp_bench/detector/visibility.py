@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core import Bools, Floats, Ints, Truth, bev_corners, wrap_angle
+from ..core import Bools, Floats, Ints, Truth, bev_corners, in_groups, wrap_angle
 
 # An object's occlusion level is the number of these thresholds above its visible
 # fraction (BEV).
@@ -159,10 +159,7 @@ def _first_in_sectors(
     begin = sector_at(middle_rad - half_rad - _ANGLE_MARGIN_RAD)
     end = sector_at(middle_rad + half_rad + _ANGLE_MARGIN_RAD)
     ray_counts = np.minimum((end - begin - 1) % sector_count + 2, sector_count)
-    ray_box = np.repeat(np.arange(len(box)), ray_counts)
-    ray_number = np.arange(len(ray_box)) - np.repeat(
-        np.cumsum(ray_counts) - ray_counts, ray_counts
-    )
+    ray_box, ray_number = in_groups(ray_counts)
     sector_index = (
         first_sector[ray_box] + (begin[ray_box] + ray_number) % sector_count[ray_box]
     )

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import Bools, Floats, Ints
+from ..core import Bools, Floats, Ints, in_groups
 from .pairs import Pairs, Rows
 
 Matched = NDArray[np.intp]
@@ -195,7 +195,7 @@ def _numbered(label: Ints, components: int) -> tuple[Ints, Rows]:
     size = np.bincount(label, minlength=components)
     order = np.argsort(label, kind="stable")
     number = np.empty(len(label), dtype=np.intp)
-    number[order] = np.arange(len(label)) - np.repeat(np.cumsum(size) - size, size)
+    number[order] = in_groups(size)[1]
     return size, number
 
 

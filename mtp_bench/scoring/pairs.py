@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import Bools, Floats, Ints, iou_3d
+from ..core import Bools, Floats, Ints, in_groups, iou_3d
 
 Rows = NDArray[np.intp]
 _BLOCK = 1 << 17  # pairs of boxes whose overlap is worked out at once
@@ -69,10 +69,9 @@ def near_pairs(
     sorted_b = key_b[order]
     first = np.searchsorted(sorted_b, key_a - (reach + slack), side="left")
     count = np.searchsorted(sorted_b, key_a + (reach + slack), side="right") - first
-    a = np.repeat(np.arange(len(key_a)), count)
-    ends = np.cumsum(count)
     # beside each a stand the rows first, first + 1, ... of the sorted b
-    b = order[np.arange(len(a)) + np.repeat(first - ends + count, count)]
+    a, place = in_groups(count)
+    b = order[first[a] + place]
     offset = xy_a[a] - xy_b[b]
     distance = np.sqrt(offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1])
     # rows of different frames differ by more than the reach in the key

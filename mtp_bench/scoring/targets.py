@@ -22,6 +22,7 @@ from ..core import (
     Ragged,
     Scene,
     ShapeError,
+    in_groups,
     rotate,
     wrap_angle,
 )
@@ -146,8 +147,7 @@ def _share_in_region(image: ImageField, frame: Ints, box: Floats) -> Floats:
     first = image.region_start[frame]
     count = image.region_start[frame + 1] - first
     # each box beside each region of its frame
-    row = np.repeat(np.arange(len(box)), count)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    row, place = in_groups(count)
     region = image.region[first[row] + place]
     row_box = box[row]
     top_left = np.maximum(row_box[:, :2], region[:, :2])

@@ -6,7 +6,7 @@ and the class are used: the rest of the track does not change the output.
 
 import numpy as np
 
-from ...core import Floats, Ints, starts_of, wrap_angle
+from ...core import Floats, Ints, in_groups, starts_of, wrap_angle
 from ..kalman import rotation
 from ..windows import Arrays, Surroundings, TrackWindows, single_precision
 from .layers import Array, namespace
@@ -83,9 +83,8 @@ def nearest(
         surroundings.before[moment] >= frames_ago, surroundings.counts[frame], 0
     )
     # all pairs of a window (owner) with a detection (row) of its frame
-    owner = np.repeat(np.arange(len(windows)), count)
-    shift = surroundings.start[frame] - np.cumsum(count) + count
-    row = np.arange(len(owner)) + np.repeat(shift, count)
+    owner, place = in_groups(count)
+    row = surroundings.start[frame][owner] + place
     distance = _distance(windows, surroundings, owner, row, age)
     reached = np.flatnonzero(distance <= 1)
     reached = reached[np.lexsort((distance[reached], owner[reached]))]
