@@ -95,10 +95,14 @@ def in_groups(count: Ints) -> tuple[Ints, Ints]:
     return group, np.arange(len(group)) - first[group]
 
 
-def select(record: RecordT, rows: Ints | Bools) -> RecordT:
-    """Return the ``rows`` of a dataclass of arrays."""
-    columns = {c.name: getattr(record, c.name)[rows] for c in fields(record)}
-    return cast(RecordT, type(record)(**columns))
+def select(record: RecordT, rows: Ints | Bools | slice) -> RecordT:
+    """Return the ``rows`` of the arrays of a dataclass; other fields stay."""
+    columns: dict[str, Any] = {}
+    for column in fields(record):
+        value = getattr(record, column.name)
+        if isinstance(value, np.ndarray):
+            columns[column.name] = value[rows]
+    return replace(record, **columns)
 
 
 def joined(records: Sequence[RecordT]) -> RecordT:

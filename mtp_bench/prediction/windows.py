@@ -4,7 +4,7 @@ Networks see a window in the heading frame of its last box.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -20,6 +20,7 @@ from ..core import (
     Ragged,
     Tracks,
     rotate,
+    select,
     starts_of,
     wrap_angle,
 )
@@ -122,8 +123,7 @@ class TrackWindows:
 
     def select(self, rows: Ints | Bools | slice) -> Self:
         """Return the windows ``rows``."""
-        names = [column.name for column in fields(TrackWindows)]
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+        return select(self, rows)
 
 
 def shown_as_truth(windows: TrackWindows) -> TrackWindows:

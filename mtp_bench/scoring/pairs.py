@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import Bools, Floats, Ints, in_groups, iou_3d
+from ..core import Bools, Floats, Ints, in_groups, iou_3d, select
 
 Rows = NDArray[np.intp]
 _BLOCK = 1 << 17  # pairs of boxes whose overlap is worked out at once
@@ -30,7 +30,7 @@ class Pairs:
 
     def keep(self, mask: Bools | Rows) -> "Pairs":
         """Return the pairs where ``mask`` holds, or those of these numbers in order."""
-        return Pairs(self.row[mask], self.column[mask], self.cost[mask])
+        return select(self, mask)
 
 
 def keep_columns(pairs: Pairs, chosen: Rows, columns: int) -> Pairs:

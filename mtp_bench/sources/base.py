@@ -30,6 +30,7 @@ from ..core import (
     Truth,
     nearest,
     require_known,
+    select,
     starts_of_sorted,
     toml_beside,
 )
@@ -141,12 +142,7 @@ class StoredForecasts:
 
     def select(self, rows: Bools) -> Self:
         """Return some of the objects."""
-        columns: dict[str, Any] = {
-            name: column[rows]
-            for name, column in vars(self).items()
-            if isinstance(column, np.ndarray)
-        }
-        return replace(self, **columns)
+        return select(self, rows)
 
 
 ReadForecasts = Callable[[Scene], StoredForecasts]

@@ -5,7 +5,7 @@ Detections go in, ``(id, box, score)`` comes out.
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from reprlib import repr as _short
 from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
@@ -21,6 +21,7 @@ from ..core import (
     Task,
     Tracks,
     bev_corners,
+    select,
 )
 from .given import Histories, TrackReport
 from .joint import k_best
@@ -89,8 +90,7 @@ class OnlineDetections:
 
     def select(self, mask: Bools) -> Self:
         """Return the detections where ``mask`` [D]."""
-        names = ("box", "rectangle", "class_id", "score", "velocity")
-        return replace(self, **{name: getattr(self, name)[mask] for name in names})
+        return select(self, mask)
 
 
 class TrackRow(NamedTuple):

@@ -43,7 +43,7 @@ class Windows(TrackWindows):
     """Windows of n tracks with their truth, sorted by scene and frame.
 
     Numbers are float32. Positions are in the frame of the observations of their scene,
-    metres.
+    metres. Selected windows keep the numbers of their frames and scenes.
     """
 
     object_id: Ints  # [n] the true object that the track follows; -1: none
@@ -71,10 +71,6 @@ class Windows(TrackWindows):
             f"{len(self.names)} scenes, {int(self.target.sum())} at targets\n"
             f"{', '.join(shapes)}"
         )
-
-    def select(self, rows: Ints | Bools | slice) -> Self:
-        """Return the windows ``rows``, whose frames and scenes keep their numbers."""
-        return replace(self, **{name: getattr(self, name)[rows] for name in BY_WINDOW})
 
     def split(self, fold: Fold) -> tuple[Self, Self]:
         """Return windows to learn from, and those of a fold.
