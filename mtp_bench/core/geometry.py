@@ -57,6 +57,27 @@ def unit_vectors(heading: Floats | float) -> Floats:
     return np.stack([np.cos(heading), np.sin(heading)], axis=-1)
 
 
+def rotation(heading: Floats) -> Floats:
+    """Return rotation matrices [N, 2, 2] of headings [N].
+
+    Their columns are the axes along and across the heading.
+    """
+    cos = np.cos(heading)
+    sin = np.sin(heading)
+    first_row = np.stack([cos, -sin], axis=-1)
+    second_row = np.stack([sin, cos], axis=-1)
+    return np.stack([first_row, second_row], axis=-2)
+
+
+def even_points(line: Floats, count: int) -> Floats:
+    """Return points [count, D] of a polyline [n, D], evenly spaced along it."""
+    steps_m = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    station_m = np.append(0.0, np.cumsum(steps_m))
+    even_station = np.linspace(0.0, station_m[-1], count)
+    even_axes = [np.interp(even_station, station_m, axis) for axis in line.T]
+    return np.stack(even_axes, axis=1)
+
+
 def transform_boxes(box: Floats, yaw: Floats | float, translation: ArrayLike) -> Floats:
     """Move boxes ``[..., 7]`` rigidly.
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core import Floats, Ints, unit_vectors, wrap_angle
+from ..core import Floats, Ints, rotation, unit_vectors, wrap_angle
 
 UNITS = {  # name -> how often it goes into a metre
     "feet": 1 / 0.3048,
@@ -54,13 +54,6 @@ class PlaneMap:
         return not (same and np.allclose(self.shift, 0.0, atol=1e-3))
 
 
-def turn_matrix(angle: Floats) -> Floats:
-    """Return matrices [n, 2, 2] that turn counter-clockwise by angles [n], rad."""
-    cos = np.cos(angle)
-    sin = np.sin(angle)
-    return np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], axis=-2)
-
-
 def about(matrix: Floats, center: Floats) -> PlaneMap:
     """Return the map [F] that leaves ``center`` [F, 2] where it is."""
     matrix = np.broadcast_to(matrix, (len(center), 2, 2))
@@ -69,7 +62,7 @@ def about(matrix: Floats, center: Floats) -> PlaneMap:
 
 def offset_ego(parameters: Floats, ego: Floats) -> PlaneMap:
     """Move by metres ahead and to the left of the ego."""
-    shift = np.einsum("fij,j->fi", turn_matrix(ego[:, 3]), parameters)
+    shift = np.einsum("fij,j->fi", rotation(ego[:, 3]), parameters)
     return PlaneMap(_same(ego), shift)
 
 
@@ -87,7 +80,7 @@ def later_offset(first: int, parameters: Floats, ego: Floats) -> PlaneMap:
 
 def turn(parameters: Floats, ego: Floats) -> PlaneMap:
     """Turn about the ego by an angle, rad."""
-    return about(turn_matrix(np.repeat(parameters, len(ego))), ego[:, :2])
+    return about(rotation(np.repeat(parameters, len(ego))), ego[:, :2])
 
 
 def scale(parameters: Floats, ego: Floats) -> PlaneMap:
@@ -101,7 +94,7 @@ def pose_late(parameters: Floats, ego: Floats) -> PlaneMap:
     then = frame - parameters[0]
     yaw = np.unwrap(ego[:, 3])
     x, y, angle = (np.interp(then, frame, each) for each in (*ego[:, :2].T, yaw))
-    matrix = turn_matrix(angle - yaw)
+    matrix = rotation(angle - yaw)
     shift = np.column_stack([x, y]) - np.einsum("fij,fj->fi", matrix, ego[:, :2])
     return PlaneMap(matrix, shift)
 
@@ -109,8 +102,8 @@ def pose_late(parameters: Floats, ego: Floats) -> PlaneMap:
 def fixed_maps(ego: Floats) -> Iterator[tuple[str, str, PlaneMap]]:
     """Yield the kind, its variant in words, and the map of each fixed mistake."""
     place = ego[:, :2]
-    to_ego = turn_matrix(-ego[:, 3])
-    from_ego = turn_matrix(ego[:, 3])
+    to_ego = rotation(-ego[:, 3])
+    from_ego = rotation(ego[:, 3])
     seen = PlaneMap(to_ego, -np.einsum("fij,fj->fi", to_ego, place))
     flip_y = np.diag([1.0, -1.0])
     flip_x = np.diag([-1.0, 1.0])
@@ -131,7 +124,7 @@ def fixed_maps(ego: Floats) -> Iterator[tuple[str, str, PlaneMap]]:
     yield "axes", "x and y exchanged", about(np.array([[0.0, 1], [1, 0]]), zero)
     for degrees in (90, -90, 180):
         angle = np.full(len(ego), np.radians(degrees))
-        yield "axes", f"turned by {degrees}°", about(turn_matrix(angle), place)
+        yield "axes", f"turned by {degrees}°", about(rotation(angle), place)
     back = np.broadcast_to(to_ego[0], _same(ego).shape)
     yield (
         "first_pose",

@@ -18,6 +18,7 @@ from ..core import (
     Lane,
     Observation,
     Scene,
+    even_points,
     rotate,
     starts_of,
 )
@@ -147,9 +148,6 @@ def _resample(lane: Lane, step_m: float, where: str) -> Floats:
             f"{where}: center has shape {center.shape}, "
             "expected 2 or more points [n, 2] of finite metres"
         )
-    segments = np.linalg.norm(np.diff(center, axis=0), axis=1)
-    station = np.append(0.0, np.cumsum(segments))
-    steps = max(1, int(np.ceil(station[-1] / step_m - _ROUNDING)))
-    new_station = np.linspace(0.0, station[-1], steps + 1)
-    columns = [np.interp(new_station, station, center[:, axis]) for axis in range(2)]
-    return np.stack(columns, axis=1)
+    length_m = np.cumsum(np.linalg.norm(np.diff(center, axis=0), axis=1))[-1]
+    steps = max(1, int(np.ceil(length_m / step_m - _ROUNDING)))
+    return even_points(center, steps + 1)

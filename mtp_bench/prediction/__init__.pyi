@@ -6,7 +6,6 @@ from .kalman import (
     heading_frame as heading_frame,
     noise_table as noise_table,
     observed_condition as observed_condition,
-    rotation as rotation,
     stored_noise as stored_noise,
 )
 from .kinematic import (

@@ -97,18 +97,6 @@ def heading_frame(past: Floats, heading: Floats) -> Floats:
     return np.stack([x * cos + y * sin, y * cos - x * sin], axis=-1)
 
 
-def rotation(heading: Floats) -> Floats:
-    """Return rotation matrices [N, 2, 2] of headings [N].
-
-    Their columns are the axes along and across the heading.
-    """
-    cos = np.cos(heading)
-    sin = np.sin(heading)
-    first_row = np.stack([cos, -sin], axis=-1)
-    second_row = np.stack([sin, cos], axis=-1)
-    return np.stack([first_row, second_row], axis=-2)
-
-
 def filter_tracks(
     position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, dt: float
 ) -> Posterior:

@@ -3,14 +3,13 @@
 import numpy as np
 
 from ..agent import Forecasts, Frame
-from ..core import Floats, Ints, ShapeError, Task, Tracks
+from ..core import Floats, Ints, ShapeError, Task, Tracks, rotation
 from ..tracking import kernel
 from .kalman import (
     NoiseTable,
     filter_tracks,
     heading_frame,
     require_noise,
-    rotation,
     stored_noise,
 )
 

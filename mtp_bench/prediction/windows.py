@@ -20,11 +20,11 @@ from ..core import (
     Ragged,
     Tracks,
     rotate,
+    rotation,
     select,
     starts_of,
     wrap_angle,
 )
-from .kalman import rotation
 from .learned.layers import Array, Inputs, namespace
 
 Arrays = dict[str, np.ndarray]

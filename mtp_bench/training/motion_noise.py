@@ -25,6 +25,7 @@ from ..core import (
     long_work,
     pieces_of,
     require_known,
+    rotation,
     select,
 )
 from ..prediction import (
@@ -33,7 +34,6 @@ from ..prediction import (
     heading_frame,
     noise_table,
     observed_condition,
-    rotation,
 )
 from ..running import DEFAULTS, Fold, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker

@@ -6,8 +6,7 @@ and the class are used: the rest of the track does not change the output.
 
 import numpy as np
 
-from ...core import Floats, Ints, in_groups, starts_of, wrap_angle
-from ..kalman import rotation
+from ...core import Floats, Ints, in_groups, rotation, starts_of, wrap_angle
 from ..windows import Arrays, Surroundings, TrackWindows, single_precision
 from .layers import Array, namespace
 from .network import Sizes

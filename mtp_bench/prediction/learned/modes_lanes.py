@@ -6,8 +6,7 @@ correct constant velocity, for objects that leave the lanes.
 
 import numpy as np
 
-from ...core import Floats, Ints
-from ..kalman import rotation
+from ...core import Floats, Ints, rotation
 from ..lane_paths import STEP, lane_paths
 from ..windows import Arrays, Surroundings, TrackWindows, mean_velocity
 from .layers import Array, Inputs, Weights, namespace, relu

@@ -23,6 +23,7 @@ from ...core import (
     Lane,
     Scene,
     Truth,
+    even_points,
     starts_of_sorted,
 )
 from ..base import (
@@ -236,16 +237,7 @@ def lane_between(left_border: Floats, right_border: Floats) -> Lane:
     """Return the lane between a left and a right border [n, 3]."""
     # a lane may turn about one point, which stands against all of the other border
     if min(len(left_border), len(right_border)) > 1:
-        left_border = even(left_border, CENTER_POINTS)
-        right_border = even(right_border, CENTER_POINTS)
+        left_border = even_points(left_border, CENTER_POINTS)
+        right_border = even_points(right_border, CENTER_POINTS)
     edges = np.broadcast_arrays(left_border[:, :2], right_border[:, :2])
     return Lane((edges[0] + edges[1]) / 2, edges[0], edges[1])
-
-
-def even(line: Floats, count: int) -> Floats:
-    """Return points [count, 3] of a polyline [n, 3], evenly spaced along it."""
-    steps_m = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    station_m = np.append(0.0, np.cumsum(steps_m))
-    even_station = np.linspace(0.0, station_m[-1], count)
-    even_axes = [np.interp(even_station, station_m, axis) for axis in line.T]
-    return np.stack(even_axes, axis=1)

@@ -11,8 +11,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from ...core import Floats, Lane, open_regular
-from ..argoverse2.source import even, lane_between
+from ...core import Floats, Lane, even_points, open_regular
+from ..argoverse2.source import lane_between
 from ..base import is_near, link_lanes
 from ..text import LIMIT, reading
 
@@ -144,7 +144,9 @@ def _lane(feature: Feature, origin: Floats, has_center: bool) -> Lane:
         return lane_between(lines[1], lines[2])
     length_m = np.linalg.norm(np.diff(lines[0], axis=0), axis=1).sum()
     count = max(1, int(np.ceil(length_m / MAX_STEP_M))) + 1
-    center, left_border, right_border = (even(line, count)[:, :2] for line in lines)
+    center, left_border, right_border = (
+        even_points(line, count)[:, :2] for line in lines
+    )
     return Lane(center, left_border, right_border)
 
 

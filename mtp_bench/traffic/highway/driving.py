@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core import Bools, Floats, Ints
+from ...core import Bools, Floats, Ints, wrap_angle
 from .lanes import NO_LANE, LaneGeometry, RoadMap, RouteTable
 from .vehicles import Driver
 
@@ -296,9 +296,7 @@ def steering_angles(
     drift_rad = np.arcsin(drift_sine.clip(-_MAX_DRIFT_SINE, _MAX_DRIFT_SINE))
     slip = state.slip[np.arange(len(state)), lane]
     target_heading = geometry.heading(lane, preview_station_m) - slip + drift_rad
-    heading_error = (
-        np.remainder(target_heading - state.heading + np.pi, 2 * np.pi) - np.pi
-    )
+    heading_error = wrap_angle(target_heading - state.heading)
     bend_rate = speed * geometry.curvature[lane]
     # beyond the turn of the bend the lateral acceleration is limited
     max_rate = _MAX_SWERVE_MPS2 / np.maximum(speed, _MIN_SWERVE_SPEED_MPS)

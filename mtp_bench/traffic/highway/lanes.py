@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core import Bools, Floats, Ints, Lane
+from ...core import Bools, Floats, Ints, Lane, wrap_angle
 from .library import CircularLane, SineLane, StraightLane
 
 LaneIndex = tuple[str, str, int]
@@ -83,8 +83,7 @@ class LaneGeometry:
         x, y = self._offsets(points, arcs)
         radius = self.radius[arcs, None]
         turn_sign = self.turn[arcs, None]
-        angle = np.arctan2(y, x) - self._angle[arcs, None]
-        angle = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
+        angle = wrap_angle(np.arctan2(y, x) - self._angle[arcs, None])
         along[arcs] = turn_sign * angle * radius
         across[arcs] = turn_sign * (radius - np.hypot(x, y))
         return along, across

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from mtp_bench.core import Floats, Ints, starts_of
+from mtp_bench.core import Floats, Ints, rotation, starts_of
 from mtp_bench.core.errors import SubmissionError
-from mtp_bench.prediction.kalman import rotation
 from mtp_bench.prediction.learned.affinity import AffinityNetwork, soft_past
 from mtp_bench.prediction.learned.around import around_inputs, detections_of_tracks, fitted_velocity, nearest, shares
 from mtp_bench.prediction.learned.layers import lstm, lstm_shapes
