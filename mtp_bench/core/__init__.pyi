@@ -11,6 +11,7 @@ from .arrays import (
     select as select,
     starts_of as starts_of,
     starts_of_sorted as starts_of_sorted,
+    true_runs as true_runs,
 )
 from .bundle import (
     __version__ as __version__,

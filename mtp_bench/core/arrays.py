@@ -95,6 +95,12 @@ def in_groups(count: Ints) -> tuple[Ints, Ints]:
     return group, np.arange(len(group)) - first[group]
 
 
+def true_runs(mask: Bools) -> Ints:
+    """Return the start of each run of True in a mask, and the end after it [n, 2]."""
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
+    return edges.reshape(-1, 2)
+
+
 def select(record: RecordT, rows: Ints | Bools | slice) -> RecordT:
     """Return the ``rows`` of the arrays of a dataclass; other fields stay."""
     columns: dict[str, Any] = {}

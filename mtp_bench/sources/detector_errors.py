@@ -23,6 +23,7 @@ from ..core import (
     rotate,
     select,
     starts_of,
+    true_runs,
     wrap_angle,
 )
 from .motion import as_places, looking_back
@@ -240,7 +241,7 @@ def _filled(rows: _Rows, scene: Scene, card: Card, levels: PerturbSection) -> _R
     is_filled = np.zeros(len(is_missed), dtype=bool)
     for object_id, here in _objects(scene):
         rng = _draws(scene, levels, _MISSES, object_id)
-        for first, last in _runs(is_missed[here]):
+        for first, last in true_runs(is_missed[here]):
             draw, choice = rng.random(2)
             is_filled[here[first:last]] = draw >= levels.misses
             if first > 0 and donor_of[here[first - 1]] >= 0:
@@ -264,13 +265,6 @@ def _filled(rows: _Rows, scene: Scene, card: Card, levels: PerturbSection) -> _R
         score=rows.score[donor],
     )
     return joined([rows, added])
-
-
-def _runs(mask: Bools) -> Iterator[tuple[int, int]]:
-    """Yield the first and the one after the last place of each run of True."""
-    edges = np.diff(np.concatenate([[0], mask.astype(int), [0]]))
-    starts = np.flatnonzero(edges > 0).tolist()
-    yield from zip(starts, np.flatnonzero(edges < 0).tolist(), strict=True)
 
 
 def _errors(box: Floats, true_box: Floats) -> Floats:

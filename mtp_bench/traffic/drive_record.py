@@ -14,6 +14,7 @@ from ..core import (
     RolloutError,
     Truth,
     boxes_meet,
+    true_runs,
     unit_vectors,
 )
 from .highway.driven import STANDING, DrivenTraffic, Way
@@ -59,8 +60,8 @@ def record_of(
         goal=traffic.at_goal,
         collision="" if hit is None else CLASSES[hit.class_id],
         at_fault=hit is not None and hit.at_fault,
-        near_misses=_count_runs(near_misses(world, speed_mps, traffic.size)),
-        phantom_brakes=_count_runs(hard_braking & without_cause),
+        near_misses=len(true_runs(near_misses(world, speed_mps, traffic.size))),
+        phantom_brakes=len(true_runs(hard_braking & without_cause)),
         comfortable=is_comfortable(acceleration_mps2, speed_mps, heading),
         acceleration=acceleration_mps2,
         risk=np.array([plan.risk for plan in plans]),
@@ -187,8 +188,3 @@ def smoothed_jerk(acceleration_mps2: Floats) -> Floats:
     first = linear[0] + 2 * square[0] * step[:half]
     final = linear[-1] + 2 * square[-1] * step[half + 1 :]
     return RATE * np.concatenate([first, linear, final])
-
-
-def _count_runs(mask: Bools) -> int:
-    """Count the runs of consecutive True values."""
-    return int((np.diff(mask.astype(np.int8), prepend=0) == 1).sum())

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from ...core import Bools, Floats, Ints
+from ...core import Bools, Floats, Ints, true_runs
 from .driving import swept_sides
 from .lanes import Crossing, LaneGeometry, RoadMap, Route, RouteTable, lane_points
 
@@ -125,15 +125,9 @@ def _zones(a: _Path, b: _Path) -> tuple[ConflictZone, ...]:
     distance = cdist(a.xy, b.xy)
     close_pairs = distance < a.half[:, None] + b.half
     return tuple(
-        _zone(a, b, distance, close_pairs, index_run)
-        for index_run in _runs(np.any(close_pairs, axis=1))
+        _zone(a, b, distance, close_pairs, np.arange(start, end))
+        for start, end in true_runs(np.any(close_pairs, axis=1))
     )
-
-
-def _runs(flags: Bools) -> list[Ints]:
-    """Return the indices of each run of True."""
-    index = np.flatnonzero(flags)
-    return np.split(index, np.flatnonzero(np.diff(index) > 1) + 1) if len(index) else []
 
 
 def _zone(
@@ -199,9 +193,9 @@ def _stretches(number: int, crossing: Crossing, path: _Path) -> list[CrossingStr
     return [
         CrossingStretch(
             number,
-            float(path.s[index_run[0]]),
-            float(path.s[index_run[-1]]),
-            float(along_m[index_run].mean()),
+            float(path.s[start]),
+            float(path.s[end - 1]),
+            float(along_m[start:end].mean()),
         )
-        for index_run in _runs(inside)
+        for start, end in true_runs(inside)
     ]
