@@ -41,8 +41,8 @@ from .arguments import (
 from .episode import (
     RENDERERS,
     Episode,
-    EpisodeLike,
     LiveEpisode,
+    RecordedEpisode,
     Renderer,
     live_episode,
     start_drive,
@@ -104,7 +104,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self.action_space = cast("gymnasium.Space[Action]", ActionSpace(self.task))
         frames_per_second = max(1, round(self.card.task.rate))
         self.metadata = {**type(self).metadata, "render_fps": frames_per_second}
-        self._episode: EpisodeLike | None = None
+        self._episode: Episode | None = None
         self._past: tuple[Observation, ...] = ()
         self._live: LiveEpisode | None = None
         self._renderer: Renderer | None = None
@@ -164,7 +164,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         frame = LocalFrame.of(scene, rng)
         scorer = None if self._evaluation else FrameScorer(scene, self.card)
         feed = make_feed(scene, frame, self.task, self.card)
-        episode = Episode(scene, number, frame, feed, scorer, scene.frames)
+        episode = RecordedEpisode(scene, frame, feed, number, scorer, scene.frames)
         if self._target_frames:
             empty_action = record_action(check_action(None, self.task), self.task)
             episode.keep_target_frames(empty_action)
@@ -198,7 +198,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self.card.require_same_scenes(
             "whose rewards are known after the step alone", "step() returns them"
         )
-        assert isinstance(episode, Episode)  # of a recorded scene
+        assert isinstance(episode, RecordedEpisode)
         return episode.score(self._recorded(episode, action)).reward
 
     def rollout(self) -> Rollout:
@@ -255,7 +255,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             self._renderer.close()
             self._renderer = None
 
-    def _started(self) -> EpisodeLike:
+    def _started(self) -> Episode:
         if self._episode is None:
             raise ResetNeeded("no scene yet: call reset() first")
         return self._episode
@@ -277,7 +277,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             )
         return scene
 
-    def _recorded(self, episode: EpisodeLike, action: Action) -> RecordedAction:
+    def _recorded(self, episode: Episode, action: Action) -> RecordedAction:
         """Return the sound part of an action.
 
         Raises ResetNeeded after the end, and ActionError in a strict env.

@@ -1,7 +1,8 @@
 """One pass through a scene: its frames, actions, ``info``, and what renderers draw."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pkgutil import resolve_name
 from typing import Any, Protocol
 
@@ -24,80 +25,66 @@ RENDERERS = {
 _START_DRIVE = "mtp_bench.traffic:DrivenEpisode.start"
 
 
-class EpisodeLike(Protocol):
-    """Interface of an episode: `Episode`, or a closed loop of the traffic."""
+@dataclass
+class Episode(ABC):
+    """One pass through a scene: recorded, or a closed loop of the traffic."""
 
-    @property
-    def scene(self) -> Scene:
-        """Scene that is played.
-
-        In a closed loop it has the present frame alone until the loop ends.
-        """
-        ...
-
-    @property
-    def frame(self) -> LocalFrame:
-        """Local frame of reference of the observations."""
-        ...
-
-    @property
-    def actions(self) -> Sequence[RecordedAction]:
-        """Actions taken so far, in the scene's frame of reference."""
-        ...
+    scene: Scene  # in a closed loop the present frame alone until the loop ends
+    frame: LocalFrame  # of the observations
+    feed: Feed
+    _: KW_ONLY
+    # one per frame, in the scene's frame of reference
+    actions: list[RecordedAction] = field(default_factory=list)
+    drive: Drive | None = None  # record of a closed loop; None until it is over
 
     @property
     def frame_index(self) -> int:
-        """Index of the frame that is shown."""
-        ...
+        """Index of the frame that is shown, also the number of actions so far."""
+        return len(self.actions)
 
     @property
+    @abstractmethod
     def dropped(self) -> Ints:
         """Detections of each frame that did not fit into an observation [F]."""
-        ...
 
     @property
+    @abstractmethod
     def over(self) -> bool:
-        """True after the action for the last frame."""
-        ...
+        """True after the last frame."""
 
-    @property
-    def drive(self) -> Drive | None:
-        """Drive of a closed loop that is over."""
-        ...
-
+    @abstractmethod
     def record(self) -> Drive | None:
         """Return the drive of a closed loop until now, for pictures."""
-        ...
 
+    @abstractmethod
     def recording(self) -> tuple[Scene, Feed]:
         """Return the scene until now and its observations, for pictures."""
-        ...
 
+    @abstractmethod
     def observe(self) -> Observation:
         """Return fresh arrays of the frame that is shown."""
-        ...
 
+    @abstractmethod
     def class_counts(self, classes: int) -> Ints:
         """Count the shown detections of each class [C]."""
-        ...
 
+    @abstractmethod
     def take(self, action: RecordedAction) -> float:
         """Take the action for this frame and return its reward."""
-        ...
 
+    @abstractmethod
     def info(self) -> dict[str, Any]:
         """Return the ``info`` of the frame that is shown, see `frame_info`."""
-        ...
 
 
 def start_drive(
     card: Card, task: Task, scene: str, rng: np.random.Generator | None
-) -> EpisodeLike:
+) -> Episode:
     """Start a closed loop.
 
     Its scene is made while it is driven. ``rng`` moves the local frame at random.
     """
-    start_episode: Callable[..., EpisodeLike] = resolve_name(_START_DRIVE)
+    start_episode: Callable[..., Episode] = resolve_name(_START_DRIVE)
     return start_episode(card, task, scene, rng)
 
 
@@ -122,26 +109,18 @@ def frame_info(
 
 
 @dataclass
-class Episode:
-    """One pass through a scene, from frame ``first`` to the one before ``end``."""
+class RecordedEpisode(Episode):
+    """One pass through a recorded scene, from frame ``first`` to before ``end``.
 
-    scene: Scene
+    The actions before ``first`` are empty.
+    """
+
     number: int  # index of the scene in `MTPEnv.scene_names`
-    frame: LocalFrame
-    feed: Feed
     scorer: FrameScorer | None  # None in evaluation mode
     end: int
     first: int = 0
-    # one per frame, in the scene's frame of reference; empty ones before ``first``
-    actions: list[RecordedAction] = field(default_factory=list)
     # score of each action so far
     scores: list[FrameScore] = field(default_factory=list)
-    drive: Drive | None = None  # None: a recorded scene is not driven
-
-    @property
-    def frame_index(self) -> int:
-        """Index of the frame that is shown."""
-        return len(self.actions)
 
     @property
     def dropped(self) -> Ints:
@@ -275,7 +254,7 @@ class LiveEpisode:
         return replace(rollout, drive=self.drive)
 
 
-def live_episode(card: Card, episode: EpisodeLike, evaluation: bool) -> LiveEpisode:
+def live_episode(card: Card, episode: Episode, evaluation: bool) -> LiveEpisode:
     """Return what renderers draw of an episode under the rules of ``card``.
 
     ``evaluation``: leave out the truth.

@@ -22,7 +22,7 @@ from ..core import (
     to_metres,
 )
 from ..detector import Memory, OpenScene, visible_fractions
-from ..env import Feed, LocalFrame, RecordedAction, frame_info, make_feed
+from ..env import Episode, Feed, LocalFrame, RecordedAction, frame_info, make_feed
 from ..sources import detected, perturbed, section_of
 from .drive_record import record_of, rows_from
 from .highway.driven import DrivenTraffic
@@ -142,7 +142,7 @@ _MAX_ACCELERATION_MPS2 = 2.0
 
 
 @dataclass
-class DrivenEpisode:
+class DrivenEpisode(Episode):
     """One drive, for `MTPEnv`.
 
     Until the drive is over, ``scene`` and ``feed`` have the present frame alone.
@@ -150,20 +150,14 @@ class DrivenEpisode:
 
     card: Card
     task: Task
-    frame: LocalFrame
     traffic: DrivenTraffic
     shown: DrivenScene
     planner: Planner
-    scene: Scene
-    feed: Feed
-    # one per frame, in the scene's frame of reference
-    actions: list[RecordedAction] = field(default_factory=list)
     plans: list[Decision] = field(default_factory=list)
     dropped_counts: list[int] = field(default_factory=list)
     # one per step of the simulation
     stations: list[float] = field(default_factory=list)
     accelerations: list[float] = field(default_factory=list)
-    drive: Drive | None = None  # record of the whole drive; None until it is over
 
     @classmethod
     def start(
@@ -185,14 +179,9 @@ class DrivenEpisode:
         section = card.drive or DriveSection()
         planner = Planner(traffic.way, traffic.size, section.planner)
         feed = make_feed(scene, frame, task, card)
-        episode = cls(card, task, frame, traffic, shown, planner, scene, feed)
+        episode = cls(scene, frame, feed, card, task, traffic, shown, planner)
         episode.stations.append(traffic.ego.s)
         return episode
-
-    @property
-    def frame_index(self) -> int:
-        """Index of the frame that is shown, also the number of actions so far."""
-        return len(self.actions)
 
     @property
     def dropped(self) -> Ints:
