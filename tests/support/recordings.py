@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtp_bench.core import Rollout, Scene
-from mtp_bench.viz.rerun.shown import packed, track_colors
+from mtp_bench.viz.rerun.shown import Colors, track_colors
 
 Rows = dict[int, dict[str, Any]]
 
@@ -60,7 +60,7 @@ def assert_recorded(
             np.testing.assert_allclose(boxes(logged, t), rollout.track_box[rows][mine], rtol=1e-6, atol=1e-5)
             labels = found[f"world/hyp/{h:02d}/name"][t]["labels"]
             assert [int(label) for label in labels] == rollout.track_id[rows][mine].tolist()
-            assert logged[t]["colors"] == packed(track_colors(rollout.track_id[rows][mine])).tolist()
+            assert logged[t]["colors"] == _packed(track_colors(rollout.track_id[rows][mine]))
         objects = rollout.objects.rows(t)
         stated = np.isfinite(weight[objects]) & heaviest[objects]
         strips = np.concatenate([  # those of nothing have an entity of their own
@@ -71,6 +71,11 @@ def assert_recorded(
         said = np.concatenate([start, future[objects][stated]], 1)
         np.testing.assert_array_equal(_sorted(strips[..., :2]), _sorted(said))
         assert set(strips[..., 2].ravel().tolist()) <= set(rollout.object_box[objects, 2].astype(np.float32).tolist())
+
+
+def _packed(colors: Colors) -> list[int]:
+    """Numbers of opaque colours [n, 3], as rerun stores them: RGBA."""
+    return [(r << 24) + (g << 16) + (b << 8) + 255 for r, g, b in colors.tolist()]
 
 
 def _sorted(paths: NDArray[np.floating]) -> NDArray[np.floating]:

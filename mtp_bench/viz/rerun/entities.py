@@ -25,7 +25,6 @@ from .shown import (
     Colors,
     drawable,
     object_names,
-    packed,
     track_colors,
 )
 
@@ -78,7 +77,7 @@ class Log:
             centers=box[:, :3],
             half_sizes=box[:, 4:7] / 2,
             quaternions=Rotation.from_euler("z", box[:, 3:4]).as_quat(),
-            colors=packed(row_colors[rows]),
+            colors=row_colors[rows],
             labels=(labels and labels[rows]) or None,
         )
         style = rr.Boxes3D.from_fields(fill_mode=fill, radii=radius, show_labels=False)
@@ -97,7 +96,7 @@ class Log:
         rows, counts = self._rows(row_start)
         columns = rr.LineStrips3D.columns(
             strips=np.ascontiguousarray(strip_points[rows], dtype=np.float32),
-            colors=packed(row_colors[rows]),
+            colors=row_colors[rows],
             labels=(labels and labels[rows]) or None,
         )
         style = rr.LineStrips3D.from_fields(radii=radius, show_labels=False)
@@ -120,7 +119,7 @@ class Log:
         pale = 255 - (PALE_SHARE * (255.0 - row_colors[rows])).astype(np.uint8)
         texts = [drawable(label) for label in labels[rows]]
         columns = rr.Points3D.columns(
-            positions=place[rows], colors=packed(pale), labels=texts or None
+            positions=place[rows], colors=pale, labels=texts or None
         )
         radii = rr.Radius.ui_points(size)
         style = rr.Points3D.from_fields(radii=radii, show_labels=True)

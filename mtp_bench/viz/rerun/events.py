@@ -27,7 +27,6 @@ from .shown import (
     Colors,
     ShownAgent,
     drawable,
-    packed,
     track_colors,
 )
 
@@ -158,13 +157,13 @@ def _log_lane(
 
     The state "" is not shown.
     """
-    color_of_state = dict(zip(states, packed(colors), strict=True))
+    color_of_state = dict(zip(states, colors.tolist(), strict=True))
     color_of_state.pop("", None)
     names = list(color_of_state)
     style = rr.StateConfiguration(
         values=names,
         labels=names,
-        colors=np.array(list(color_of_state.values()), dtype=np.uint32),
+        colors=np.array(list(color_of_state.values()), dtype=np.uint8),
     )
     first = log.frames.start
     changes = [t for t in log.frames if t == first or states[t] != states[t - 1]]
@@ -250,7 +249,7 @@ def _log_curves(log: Log, replay: Replay, focus: Focus | None) -> None:
             values = curve.values[log.frames]
             is_known = np.isfinite(values)  # a frame without a value is a gap
             style = rr.SeriesLines(
-                colors=packed(curve.color),
+                colors=curve.color,
                 names=drawable(curve.name),
                 widths=curve.width,
             )

@@ -62,13 +62,6 @@ def track_colors(track_id: Ints) -> Colors:
     return table[np.where(track_id < 0, len(TRACKS), track_id % len(TRACKS))]
 
 
-def packed(colors: Colors | Color | Sequence[Color]) -> NDArray[np.uint32]:
-    """Pack red, green, blue [N, 3] into numbers [N] of RGBA, opaque."""
-    rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
-    number: NDArray[np.uint32] = rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32)
-    return number + np.uint32(255)
-
-
 def drawable(text: str) -> str:
     """Replace signs that the viewer's only font may lack by "?".
 
