@@ -9,6 +9,7 @@ import pytest
 from mtp_bench.core import Column, columns_of, to_csv
 from mtp_bench.judge.records import results
 from mtp_bench.scoring.rows import Row
+from mtp_bench.viz.board import columns, lines
 from mtp_bench.viz.board.columns import board_json, board_table
 from mtp_bench.viz.board.entries import LinkedRecord, entries_of
 from mtp_bench.viz.board.page import board_files
@@ -27,6 +28,9 @@ class FurtherRow(Row):
 def test_the_board_shows_it_and_records_without_it_load(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(results, "Row", FurtherRow)
     monkeypatch.setattr(results, "FACTS", results.FACTS | {"jerk"})
+    optional = [column for column in columns_of(FurtherRow) if column.optional]
+    for module in (columns, lines):
+        monkeypatch.setattr(module, "OPTIONAL_COLUMNS", optional)
     plain = made_up("plain")
     entry_with = made_up("with_it", 0.5, numbers={"all": {"jerk": 4.321}})
     entries = entries_of([LinkedRecord(entry_with), LinkedRecord(plain)])

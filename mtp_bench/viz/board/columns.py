@@ -1,17 +1,18 @@
 """Columns of a leaderboard: `columns.toml` declares them in their order."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from ...core import Column, Table, Value, columns_of, toml_beside
 from ...judge import rounded
-from ...scoring import DrivingRow, Row, Subset
+from ...scoring import DrivingRow, Subset
+from ..terminal.settings_table import ROW_COLUMNS
 from .entries import Entry
 
 _DECLARED = toml_beside(__file__, "columns.toml")
-ROW_COLUMNS = {column.key: column for column in columns_of(Row)}
+OPTIONAL_COLUMNS = [column for column in ROW_COLUMNS.values() if column.optional]
 # keys of the columns of the page, each with the class of its cells
 PAGE: dict[str, str] = _DECLARED["page"]
 
@@ -83,22 +84,13 @@ _ON_PAGE = [*_NUMBERS, *_declared_columns("page_numbers")]
 COLUMN = {column.key: column for column in _ON_PAGE}
 
 
-def optional_columns(entries: Collection[Entry]) -> list[Column]:
-    """Return the optional columns that the scorer declares for rows."""
-    row_type: type[Row] = Row
-    first_entry = next(iter(entries), None)  # all have rows of one type
-    if first_entry is not None:
-        row_type = type(first_entry.row)
-    return [column for column in columns_of(row_type) if column.optional]
-
-
 def board_table(entries: Sequence[Entry], name: str) -> Table:
     """Return every number of the entries, for other programs.
 
     The numbers are rounded as records are. An optional number that no entry has is left
     out, as that of a metric newer than all records.
     """
-    row_columns = map(_row_column, optional_columns(entries))
+    row_columns = map(_row_column, OPTIONAL_COLUMNS)
     columns = []
     for column in (*_LEADING, *_NUMBERS, *row_columns, *_TRAILING):
         values = (column.value(entry) for entry in entries)

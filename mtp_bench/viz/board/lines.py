@@ -13,8 +13,9 @@ from ...judge import LEVELS, STP, why_scored_otherwise
 from ...running import card_budget
 from ...scoring import SUBSET_NAMES, SUBSETS, PairedDifference, Subset
 from ...sources import package_of
+from ..terminal.settings_table import ROW_COLUMNS
 from ..terminal.tables import parts_text
-from .columns import COLUMN, PAGE, ROW_COLUMNS, best_text, optional_columns
+from .columns import COLUMN, OPTIONAL_COLUMNS, PAGE, best_text
 from .drawings import WIDTH, Scale, bar_of, scale_of
 from .entries import Entry, empty_error, has_map, is_simulated
 
@@ -144,7 +145,7 @@ def subset_table(entry: Entry) -> Table:
         replace(COLUMN["association_gap"], optional=True, read=None),
         Column("events / objects / scenes", "-", key="sizes"),
     ]
-    for metric in optional_columns([entry]):
+    for metric in OPTIONAL_COLUMNS:
         if not metric.key.startswith("cost_"):  # the parts of bADE have a drawing
             columns.append(metric)
     rows = [_subset_row(entry, subset) for subset in entry.sums.subsets]

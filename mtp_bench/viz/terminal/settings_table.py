@@ -16,6 +16,8 @@ from ...scoring import (
     main_settings,
 )
 
+ROW_COLUMNS = {column.key: column for column in columns_of(Row)}
+
 
 @dataclass(frozen=True)
 class AgentLine:
@@ -37,12 +39,6 @@ def main_lines(report: Report) -> list[AgentLine]:
     return [line for line in agent_lines(report) if line.rows in main_blocks]
 
 
-def row_columns(report: Report) -> dict[str, Column]:
-    """Return the columns of report rows by key, with further metrics."""
-    row_type = type(report.rows[0]) if report.rows else Row
-    return {column.key: column for column in columns_of(row_type)}
-
-
 def settings_table(
     report: Report, name: str, title: str, keys: Sequence[str], *subsets: Subset
 ) -> Table:
@@ -53,11 +49,10 @@ def settings_table(
     """
     lines = sorted(agent_lines(report), key=sort_error)
     of_agents = {column.key: column for column in _agent_columns()}
-    of_rows = row_columns(report)
     columns = _pick(of_agents, ("agent", "hypotheses", "samples"))
     for subset in subsets:
         group = subset if len(subsets) > 1 else ""
-        for column in _pick(of_rows, keys):
+        for column in _pick(ROW_COLUMNS, keys):
             on_subset = subset_column(column, subset, column.title)
             columns.append(replace(on_subset, group=group))
     columns += _pick(of_agents, keys)

@@ -21,9 +21,9 @@ from ...scoring import (
     blocks_of,
 )
 from .settings_table import (
+    ROW_COLUMNS,
     AgentLine,
     agent_lines,
-    row_columns,
     settings_table,
     subset_column,
 )
@@ -79,8 +79,7 @@ _METRES = Column(format=".2f")
 
 def data_table(report: Report) -> Table:
     """Return every number: a row per agent, setting and subset."""
-    columns = list(row_columns(report).values())
-    return Table("rows", report.env, "", report.rows, columns)
+    return Table("rows", report.env, "", report.rows, list(ROW_COLUMNS.values()))
 
 
 def full_tables(report: Report) -> Iterator[Table]:
@@ -140,8 +139,7 @@ def full_tables(report: Report) -> Iterator[Table]:
 def _subset_table(report: Report) -> Table:
     """Return the targets, objects, scenes and units of each subset."""
     rows = list(next(blocks_of(report), {}).values())
-    known_columns = row_columns(report)
-    columns = [known_columns[key] for key in _COUNT_KEYS]
+    columns = [ROW_COLUMNS[key] for key in _COUNT_KEYS]
     title = "Subsets (units: blocks of at most 20 s)"
     return Table("subsets", title, "", rows, columns)
 
@@ -174,7 +172,7 @@ def _tables_of_all_targets(report: Report) -> Iterator[Table]:
         yield settings_table(report, name, f"{title} (all targets, m)", keys, "all")
     optional_keys = [
         key
-        for key, column in row_columns(report).items()
+        for key, column in ROW_COLUMNS.items()
         if column.optional and key not in part_keys
     ]
     yield settings_table(
