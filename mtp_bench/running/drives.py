@@ -24,7 +24,7 @@ from ..scoring import AgentDrives, DrivingRow, SceneScore, driving_rows, score_s
 from ..sources import save_scene
 from ..traffic import RATE, unpack, whole_scene
 from .evaluation import EnvEvaluation
-from .playing import AgentFailedError, run_jobs
+from .playing import AgentFailedError
 from .reference import frozen_reference
 from .settings import Setting, setting_of
 
@@ -104,30 +104,19 @@ def drives_of(
     settings: Sequence[Setting], evaluation: EnvEvaluation
 ) -> tuple[dict[str, AgentDrives], dict[str, str]]:
     """Return the drives of settings by label, and why others failed."""
-    options = evaluation.options
-    scene_names = evaluation.scenes
-    jobs = []
-    for setting in settings:
-        for seed in options.seeds:
-            jobs += evaluation.jobs(setting, seed, scene_names)
-    drive_results = iter(run_jobs(jobs, options, _drive_and_score, caught=True))
     agent_drives: dict[str, AgentDrives] = {}
     failures: dict[str, str] = {}
-    for setting in settings:
+    for setting, runs in evaluation.runs(settings, _drive_and_score):
         label = setting.label
-        drives: dict[str, list[Drive]] = {scene_name: [] for scene_name in scene_names}
-        seed_scores: list[list[SceneScore]] = []
-        for _ in options.seeds:
-            seed_scores.append([])
-            for scene_name in scene_names:
-                result = next(drive_results)
-                if isinstance(result, AgentFailedError):
-                    failures.setdefault(label, result.reason)
-                else:
-                    drives[scene_name].append(result[0])
-                    seed_scores[-1].append(result[1])
-        if label not in failures:
-            agent_drives[label] = AgentDrives(label, drives, seed_scores)
+        if isinstance(runs, AgentFailedError):
+            failures[label] = runs.reason
+            continue
+        drives = {
+            scene_name: [run[index][0] for run in runs]
+            for index, scene_name in enumerate(evaluation.scenes)
+        }
+        seed_scores = [[score for _, score in run] for run in runs]
+        agent_drives[label] = AgentDrives(label, drives, seed_scores)
     return agent_drives, failures
 
 

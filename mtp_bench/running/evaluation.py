@@ -22,7 +22,7 @@ from ..scoring import (
     summarise,
 )
 from .options import DEFAULTS, RunKeywords, RunOptions, resolve_options
-from .playing import AgentFailedError, Job, first_errors, jobs_of, run_jobs
+from .playing import AgentFailedError, Finish, Job, first_errors, jobs_of, run_jobs
 from .reference import ranked_scenes, reference_for
 from .settings import Setting, scenes_of_card, setting_of, training_note
 
@@ -113,31 +113,38 @@ class EnvEvaluation:
 
         Without ``caught`` the error is raised.
         """
+        return [
+            runs if isinstance(runs, AgentFailedError) else scores_of(setting, runs)
+            for setting, runs in self.runs(settings, score_scene, caught)
+        ]
+
+    def runs(
+        self, settings: Sequence[Setting], finish: Finish, caught: bool = True
+    ) -> Iterator[tuple[Setting, list[tuple[Any, ...]] | AgentFailedError]]:
+        """Yield each setting with its runs, or with its first error.
+
+        There is a run for each seed: the result of ``finish`` for each scene. Without
+        ``caught`` the error is raised.
+        """
         jobs: list[Job] = []
         for setting in settings:
             for seed in self.options.seeds:
                 jobs += self.jobs(setting, seed, self.scenes)
 
-        def end_scene(index: int, result: SceneScore | AgentFailedError) -> None:
+        def end_scene(index: int, result: Any) -> None:
             if self.options.on_scene is not None and isinstance(result, SceneScore):
                 job = jobs[index]
                 self.options.on_scene(SceneResult.of(job.agent, job.seed, result))
 
-        job_results = iter(run_jobs(jobs, self.options, score_scene, end_scene, caught))
-        setting_scores: list[Scores] = []
+        results = iter(run_jobs(jobs, self.options, finish, end_scene, caught))
         for setting in settings:
-            seed_scores: list[tuple[SceneScore, ...]] = []
-            errors: list[AgentFailedError] = []
-            for _ in self.options.seeds:
-                run = tuple(itertools.islice(job_results, len(self.scenes)))
-                for result in run:
-                    if isinstance(result, AgentFailedError):
-                        errors.append(result)
-                seed_scores.append(run)
-            setting_scores.append(
-                errors[0] if errors else scores_of(setting, seed_scores)
-            )
-        return setting_scores
+            runs = [
+                tuple(itertools.islice(results, len(self.scenes)))
+                for _ in self.options.seeds
+            ]
+            setting_results = itertools.chain(*runs)
+            errors = (r for r in setting_results if isinstance(r, AgentFailedError))
+            yield setting, next(errors, runs)
 
     def report(
         self,
