@@ -6,7 +6,7 @@
 # make held   for root: the tests of the gateway as an ordinary user
 # make lint   the same without tests, and pyright, which takes a minute alone: what users see in their editors
 # make docs   the site in site/: static, no server and no network needed; warnings are errors; DATA=folder or MTP_BENCH_DATA adds pictures of recordings
-# make pages  the board, and the tables of RESULTS.md and the README, made anew from the records
+# make pages  the board, the tables of RESULTS.md and the README, and the curves of robustness, made anew from what is stored in leaderboard/
 # All create .venv and install what they need the first time; PYTHON=python3.13 chooses another interpreter for it.
 
 DATA ?= $(MTP_BENCH_DATA)
@@ -98,6 +98,7 @@ docs: .venv/installed-dev
 pages: .venv/installed
 	@$(BIN)/mtp-bench board -o leaderboard/index.html
 	@$(BIN)/python -m docs.generate.results
+	@$(BIN)/python -m docs.generate.robustness
 
 # pip is the last thing that `python -m venv` writes
 .venv/bin/pip:

@@ -1,24 +1,29 @@
-"""The page on robustness shows what the stored levels say, of the code that is there."""
+"""Pages and figure of robustness show what the stored levels say, of the code that is there."""
 
-import re
 from pathlib import Path
 
 import pytest
 
-from benchmarks.robustness import PLAN, page, stored
+from docs.generate.robustness import PAGES, PICTURES, curves, filled, inputs_digest
 from mtp_bench.cards import PerturbSection, load_card, with_perturb
-from mtp_bench.running import LEVELS
+from mtp_bench.running import LEVELS, Robustness
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/environment/robustness.md"
-MEASURED = [(env, knob) for env, knobs in PLAN.items() for knob in knobs if stored(env, knob) is not None]
+CURVES = curves()
 
 
-def test_the_tables_are_those_of_the_stored_levels() -> None:
-    curves = [curve for curve in (stored(env, knob) for env, knob in MEASURED) if curve is not None]
-    shown = re.search(r"<!-- made by .*? -->\n(.*)<!-- end -->", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    assert shown is not None
-    assert shown[1] == page(curves)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_tables_are_those_of_the_stored_levels(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert "<!-- robustness: " in text
+    assert filled(text) == text, "run python -m docs.generate.robustness"
+
+
+@pytest.mark.parametrize("picture", PICTURES.values(), ids=lambda path: path.stem)
+def test_the_figure_is_that_of_the_stored_levels(picture: Path) -> None:
+    text = picture.read_text(encoding="utf-8")
+    assert inputs_digest() in text, "run python -m docs.generate.robustness"
 
 
 @pytest.mark.parametrize("knob", LEVELS)
@@ -28,16 +33,15 @@ def test_the_page_states_the_levels(knob: str) -> None:
     assert f"| `{knob}` | {recorded} | {levels} |" in PAGE.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("env", "knob"), MEASURED)
-def test_errors_cost(env: str, knob: str) -> None:
+@pytest.mark.parametrize("curve", CURVES, ids=lambda curve: f"{curve.env} {curve.knob}")
+def test_errors_cost(curve: Robustness) -> None:
     """The strongest level is significantly worse than the recorded one; the targets are equal at all levels."""
-    curve = stored(env, knob)
-    assert curve is not None
     rows = [row for row in curve.on("all") if row.agent == "stp"]
+    assert [row.level for row in rows] == list(LEVELS[curve.knob])
     difference = curve.difference(rows[-1], level=curve.recorded)
     assert difference is not None
     assert (difference.mean < 0) == curve.is_drive
     assert difference.significant
     assert len({tuple(row.weights) for row in curve.on("all")}) == 1
     for row in rows:
-        with_perturb(load_card(env), {knob: row.level})
+        with_perturb(load_card(curve.env), {curve.knob: row.level})

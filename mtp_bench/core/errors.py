@@ -185,7 +185,7 @@ def class_hint(name: str, names: Iterable[str]) -> str:
 def other_spelling(name: str, names: Collection[str]) -> str:
     """Return the class of ``names`` that ``name`` spells otherwise, empty if none.
 
-    "vehicle.Cars" is "car", but a motorcyclist is no motorcycle.
+    "vehicle.Cars" stands for "car", "motorcyclist" for no "motorcycle".
     """
     if name in names:
         return ""

@@ -5,9 +5,9 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from operator import itemgetter
+from operator import attrgetter
 from pathlib import Path
-from typing import Annotated, Any, Unpack
+from typing import Annotated, Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -114,6 +114,14 @@ class Level(Section):
     rows: list[LevelRow]
 
 
+class Leader(NamedTuple):
+    """The best agent at a level; ``is_ahead``: significantly before the next one."""
+
+    level: float
+    agent: str
+    is_ahead: bool
+
+
 @dataclass(frozen=True, repr=False)
 class Robustness:
     """Agents at the levels of a knob.
@@ -194,14 +202,29 @@ class Robustness:
         return {agent: float(np.mean(each)) for agent, each in ratios.items()}
 
     @property
+    def leaders(self) -> list[Leader]:
+        """The best agent at each level."""
+        agents = (*self.agents, _SINGLE)
+        leaders = []
+        for level in self.levels:
+            rows = [
+                row for row in level.rows if row.agent in agents and row.subset == "all"
+            ]
+            rows.sort(key=lambda row: row.value, reverse=self.is_drive)
+            best, *others = rows
+            lead = self.difference(best, others[0].agent) if others else None
+            is_ahead = lead is not None and lead.significant
+            leaders.append(Leader(best.level, best.agent, is_ahead))
+        return leaders
+
+    @property
     def answer(self) -> str:
         """Sentences: the best agent by level, and gains of hypotheses beyond the controls."""
         parts = []
-        firsts = map(self._first, self.levels)
-        for agent, run in groupby(firsts, key=itemgetter(0)):
-            levels = list(run)
-            part = f"{agent} at {_listed([level for _, level, _ in levels])}"
-            sure = [level for _, level, is_sure in levels if is_sure]
+        for agent, leaders in groupby(self.leaders, key=attrgetter("agent")):
+            same_agent = list(leaders)
+            part = f"{agent} at {_listed([leader.level for leader in same_agent])}"
+            sure = [leader.level for leader in same_agent if leader.is_ahead]
             if sure:
                 part += (
                     f" (before the next with p < {SIGNIFICANT:g} at {_listed(sure)})"
@@ -210,16 +233,6 @@ class Robustness:
         name = "Highest drive score" if self.is_drive else "Lowest bADE"
         order = f"{name} by {self.knob}: {', then '.join(parts)}."
         return " ".join([order, *map(self._gain, self.several)])
-
-    def _first(self, level: Level) -> tuple[str, float, bool]:
-        """Return the best agent, the level, and whether the next is surely behind."""
-        agents = (*self.agents, _SINGLE)
-        rows = [
-            row for row in level.rows if row.agent in agents and row.subset == "all"
-        ]
-        best, *others = sorted(rows, key=lambda row: row.value, reverse=self.is_drive)
-        lead = self.difference(best, others[0].agent) if others else None
-        return best.agent, best.level, lead is not None and lead.significant
 
     def _gain(self, agent: str) -> str:
         gains = []

@@ -173,11 +173,11 @@ def test_tables_frame_and_file(measured: tuple[Robustness, Path]) -> None:
 def test_curves_are_drawn(name: str, measured: tuple[Robustness, Path], tmp_path: Path) -> None:
     result, _ = measured
     for dark in (False, True):
-        draw_curves([result, result], tmp_path / name, dark)
+        draw_curves([result, result], tmp_path / name, dark=dark)
         assert (tmp_path / name).stat().st_size > 5000
     if name.endswith("svg"):
         drawn = (tmp_path / name).read_text(encoding="utf-8")
-        assert "bADE, m, less that of stp" in drawn
+        assert "bADE, m, less stp" in drawn
         assert drawn.count("perfect_association_same_samples") >= 1
 
 
