@@ -29,6 +29,8 @@ _TEXTS = tomllib.loads(_TEXT_FILE.read_text(encoding="utf-8"))
 SUMMARIES = _TEXTS["summaries"]  # by command
 MODULES = _TEXTS["modules"]  # by command, where the file has another name
 INTERRUPTED_NOTES = _TEXTS["interrupted"]  # by command
+GROUPS = _TEXTS["groups"]  # options by heading of the help
+_MANY_OPTIONS = 12  # from so many on they are grouped
 
 
 class InterruptedCommandError(Exception):
@@ -63,14 +65,14 @@ class Commands(TyperGroup):
             function_name += "_"
         content = getattr(module, function_name)
         if isinstance(content, Typer):
-            return _refusing_repeated_options(get_command(content))
+            return _prepared(get_command(content))
         from .options import with_expanded_options
 
         command_app = Typer(
             add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None
         )
         command_app.command(cmd_name)(with_expanded_options(content))
-        return _refusing_repeated_options(get_command(command_app))
+        return _prepared(get_command(command_app))
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the names and summaries without importing a command."""
@@ -114,6 +116,10 @@ class Commands(TyperGroup):
             raise
 
 
+def _prepared(command: Any) -> Any:
+    return _grouping_options(_refusing_repeated_options(command))
+
+
 def _refusing_repeated_options(command: Any) -> Any:
     """Return a command, or group, that refuses an option that is given twice.
 
@@ -133,6 +139,31 @@ def _refusing_repeated_options(command: Any) -> Any:
         return parse_args(ctx, args)  # type: ignore[no-any-return]
 
     command.parse_args = parse_args_once
+    return command
+
+
+def _grouping_options(command: Any) -> Any:
+    """Return a command, or group, whose help shows many options by group."""
+    for subcommand in getattr(command, "commands", {}).values():
+        _grouping_options(subcommand)
+    if len(command.params) < _MANY_OPTIONS:
+        return command
+    headings = {name: heading for heading, names in GROUPS.items() for name in names}
+
+    def format_groups(ctx: Any, formatter: Any) -> None:
+        lines: dict[str, list[Any]] = {"Arguments": []}
+        lines |= {heading: [] for heading in (*GROUPS, "Options")}
+        for parameter in command.get_params(ctx):
+            heading = headings.get(parameter.name, "Options")
+            if parameter.param_type_name == "argument":
+                heading = "Arguments"
+            lines[heading].append(parameter.get_help_record(ctx))
+        for heading, records in lines.items():
+            if records:
+                with formatter.section(heading):
+                    formatter.write_dl(records)
+
+    command.format_options = format_groups
     return command
 
 

@@ -24,7 +24,10 @@ from .options import DataOption, FolderArgument, file_option
 from .output import say
 
 _OUTPUT = file_option(
-    "-o", "--output", text="File to write: .mp4 or .gif.", suffixes=VIDEO_SUFFIXES
+    "-o",
+    "--output",
+    text="File to write: .gif, or .mp4, which needs `pip install av`.",
+    suffixes=VIDEO_SUFFIXES,
 )
 _SCENE = Option(help="Which scene. Default: the first of the run.")
 _AT = Option(help=f"Only from 3 s before to 3 s after this moment: {AT}.")

@@ -188,6 +188,17 @@ def test_what_a_stream_does_not_take_goes_nowhere_else(words: str, status: int, 
     assert len(done.stderr.splitlines()) == bool(said)
 
 
+@pytest.mark.parametrize("command", [["compare"], ["study"], ["robustness"], ["run"], ["train", "predictor"]], ids=str)
+def test_many_options_are_grouped(command: list[str], cli: CommandLine) -> None:
+    """Each option is in one group, the common ones first."""
+    printed = cli.ok(*command, "--help")
+    headings = re.findall(r"^(\w[\w ]+):$", printed, flags=re.MULTILINE)
+    assert [each for each in headings if each != "Arguments"] == ["What is run", "Output", "Scenes",
+                                                                "Detections and tracks", "Machine", "Options"][: len(headings)]  # fmt: skip
+    listed = re.findall(r"^  (?:-\w, )?(--[a-z-]+)", printed, flags=re.MULTILINE)
+    assert len(listed) == len(set(listed)) > 12
+
+
 def test_the_root_comes_from_the_environment_unless_it_is_given(
     cli: CommandLine, tmp_path: Path, kitti: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
