@@ -11,6 +11,7 @@ import re
 import signal
 import sys
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -85,10 +86,10 @@ class Commands(TyperGroup):
         It may stand alone, or be the value of an option.
         """
         if not ctx.resilient_parsing:
-            for word in args:
+            for before, word in pairwise(["mtp-bench", *args]):
                 if re.fullmatch("(--[a-z-]+=)?", word):
                     raise BadParameter(
-                        "got an empty word, expected a value: "
+                        f"got an empty word at {word or before!r}, expected a value: "
                         "is a variable of the shell unset?",
                         ctx,
                     )

@@ -3,8 +3,10 @@
 import gc
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mtp_bench.core import Task, parallel as _cluster
+from mtp_bench.core import Task, parallel
 from mtp_bench.core.bundle import __version__
 from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.core.notice import Progress
@@ -22,6 +24,7 @@ from mtp_bench.env.rollouts import digest
 from mtp_bench.judge import run_isolated_scenes
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.playing import Job, compile_kernels, run_jobs
+from tests.support.command_line import CommandLine, read_json
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
 
 Done = Callable[[str], object]
@@ -120,20 +123,57 @@ class UnsafeClient:
 def test_a_worker_that_imports_from_its_folder_is_refused_at_the_start_and_later(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(_cluster, "sys", SimpleNamespace(flags=SimpleNamespace(safe_path=False)))
+    monkeypatch.setattr(parallel, "sys", SimpleNamespace(flags=SimpleNamespace(safe_path=False)))
     with pytest.raises(MtpBenchError, match=r"127\.0\.0\.1:9 imports modules .* PYTHONSAFEPATH=1"):
-        _cluster._require_workers(UnsafeClient(), "tcp://127.0.0.1:8")
+        parallel._require_workers(UnsafeClient(), "tcp://127.0.0.1:8")
     with pytest.raises(MtpBenchError, match=r"a worker on .* imports modules"):
-        _cluster._indexed_on_worker((0, abs, (-1,)), __version__)
+        parallel._indexed_on_worker((0, abs, (-1,)), __version__)
     with pytest.raises(MtpBenchError, match=r"expected 9\.9 as here"):
-        _cluster._indexed_on_worker((0, abs, (-1,)), "9.9")
+        parallel._indexed_on_worker((0, abs, (-1,)), "9.9")
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_cluster, "_CONNECT_SECONDS", 0.2)
+    monkeypatch.setattr(parallel, "_CONNECT_SECONDS", 0.2)
     with pytest.raises(MtpBenchError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
         parallel_map(np.add, [(1, 2)], Workers(1, "tcp://127.0.0.1:9"))
     with pytest.raises(MtpBenchError, match=r"no Dask scheduler answers at 'nowhere'"):
         parallel_map(np.add, [(1, 2)], Workers(1, "nowhere"))
     clients = [one for one in gc.get_objects() if type(one) is distributed_untyped.Client]
     assert not clients, "one that is half made waits for ever where the collector closes it while a cluster starts"
+
+
+def test_commands_print_the_same_through_a_cluster(
+    cluster: Any, cli: CommandLine, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One of its two workers is killed in the middle of each of them."""
+    address = cluster.scheduler_address
+    known = ("--env", card, "--data", kitti)
+    words = {
+        "compare": ("compare", "stp", *known, "--seeds", 2),
+        "robustness": ("robustness", "stp", *known, "--seeds", 1, "--knob", "score", "--levels", "0,0.3"),
+    }
+    started = parallel._connected
+
+    def killing(scheduler: str) -> Any:
+        threading.Timer(0.5, kill_worker, [cluster]).start()
+        return started(scheduler)
+
+    for name, command in words.items():
+        files = [tmp_path / f"{name}{number}.json" for number in range(2)]
+        cli.ok(*command, "--jobs", 1, "--json", files[0])
+        with monkeypatch.context() as patch:
+            patch.setattr(parallel, "_connected", killing)
+            cli.ok(*command, "--scheduler", address, "--json", files[1])
+        alone, spread = (without_times(read_json(file)) for file in files)
+        assert alone == spread
+
+
+def kill_worker(cluster: Any) -> None:
+    worker = next(iter(cluster.workers.values()))
+    os.kill(worker.pid, signal.SIGKILL)
+
+
+def without_times(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: without_times(value) for key, value in content.items() if key not in {"ms_per_frame", "key"}}
+    return [without_times(each) for each in content] if isinstance(content, list) else content
