@@ -11,7 +11,7 @@ from ...cards import load_card
 from ...core import Column, Table, card_ids, clean_text
 from ...judge import LEVELS, STP, why_scored_otherwise
 from ...running import card_budget
-from ...scoring import SUBSET_NAMES, SUBSETS, PairedDifference, Subset
+from ...scoring import SUBSET_NAMES, SUBSETS, Subset
 from ...sources import package_of
 from ..terminal.settings_table import ROW_COLUMNS
 from ..terminal.tables import parts_text
@@ -297,16 +297,10 @@ def answer_of(compared: Sequence[Entry]) -> dict[str, Any] | None:
         "equals": [],
         "others": len(ranked) - 1,
         "worse": 0,
-        "lead_over_stp": _lead(best.difference),
-        "next": None,
-        "lead_over_next": None,
     }
     for entry in ranked:
         if entry is not best and entry.among_best:
             answer["equals"].append(entry)
-        if answer["next"] is None and not entry.among_best:
-            answer["next"] = entry
-            answer["lead_over_next"] = _lead(best.minus(entry, "all"))
     span = best.standing.places["all"].span
     if span is not None:  # its end is the last rank that tests leave open to the best
         answer["worse"] = len(ranked) - span[1]
@@ -316,26 +310,6 @@ def answer_of(compared: Sequence[Entry]) -> dict[str, Any] | None:
 def short_name(env_id: str) -> str:
     """Return a short id for headings: "nuScenes mini" for MTP-nuScenes-mini-v0."""
     return env_id.removeprefix("MTP-").removesuffix("-v0").replace("-", " ")
-
-
-def _lead(difference: PairedDifference | None) -> dict[str, str] | None:
-    """Return a difference in words, with interval and p.
-
-    None without an interval.
-    """
-    if difference is None or difference.interval is None:
-        return None
-    sign = 1  # of the limits: the word says that of the difference
-    word = "higher"
-    if difference.mean < 0:
-        sign = -1
-        word = "lower"
-    low, high = sorted(sign * limit for limit in difference.interval)
-    return {
-        "by": f"{abs(difference.mean):.3f} m {word}",
-        "interval": f"{low:.3f} to {high:.3f}".replace("-", "−"),
-        "p": f"p {p_value(difference.p)}",
-    }
 
 
 def p_value(p: float) -> str:
