@@ -4,12 +4,14 @@ Equal plans, data and machines give equal weights.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
+from torch.optim.adamw import adamw
 
 from ..core import MtpBenchError
 from ..prediction import Arrays, Network, Sizes, Stage
@@ -54,6 +56,48 @@ class FittedNetwork:
     curve: list[float] = field(default_factory=list)
     best_epoch: int = 0
     best: Arrays = field(default_factory=dict)  # weights of that epoch
+
+
+class _AdamW:
+    """AdamW by torch's function.
+
+    `torch.optim.AdamW` does the same, and first loads a compiler for a second or more.
+    """
+
+    def __init__(self, weights: Sequence[torch.Tensor], decay: float) -> None:
+        self.weights = weights
+        self._decay = decay
+        self._mean = [torch.zeros_like(weight) for weight in weights]
+        self._square = [torch.zeros_like(weight) for weight in weights]
+        self._steps = [torch.tensor(0.0) for _ in weights]
+
+    @torch.no_grad()
+    def step(self, rate: float) -> None:
+        """Move all weights that have a gradient."""
+        with_gradient = [
+            number
+            for number, weight in enumerate(self.weights)
+            if weight.grad is not None
+        ]
+
+        def chosen(values: Sequence[Any]) -> list[Any]:
+            return [values[number] for number in with_gradient]
+
+        adamw(
+            chosen(self.weights),
+            [weight.grad for weight in chosen(self.weights)],
+            chosen(self._mean),
+            chosen(self._square),
+            [],
+            chosen(self._steps),
+            amsgrad=False,
+            beta1=0.9,
+            beta2=0.999,
+            lr=rate,
+            weight_decay=self._decay,
+            eps=1e-8,
+            maximize=False,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +234,7 @@ class _Trainer:
             weight.requires_grad_(is_trained)
             if is_trained:
                 trained.append(weight)
-        optimizer = torch.optim.AdamW(trained, lr=plan.rate, weight_decay=plan.decay)
+        optimizer = _AdamW(trained, plan.decay)
         for stage_epoch in range(stage_epochs):
             epoch = first_epoch + stage_epoch
             idle_epochs = epoch - max(fitted.best_epoch, first_epoch)
@@ -215,7 +259,7 @@ class _Trainer:
     def _train_epoch(
         self,
         stage: Stage,
-        optimizer: torch.optim.Optimizer,
+        optimizer: "_AdamW",
         epoch: int,
         stage_epoch: int,
         stage_epochs: int,
@@ -234,15 +278,14 @@ class _Trainer:
         )
         for number, rows in enumerate(batches):
             progress = (stage_epoch + number / len(batches)) / stage_epochs
-            for group in optimizer.param_groups:
-                group["lr"] = plan.rate * one_cycle(progress)
             batch = vary(self.batch(rows), generator)
             loss = LOSSES[stage.loss](
                 self.network, self.weights, batch, self.sizes, progress, generator
             )
-            optimizer.zero_grad()
+            for weight in optimizer.weights:
+                weight.grad = None
             loss.backward()  # type: ignore[no-untyped-call]
-            optimizer.step()
+            optimizer.step(plan.rate * one_cycle(progress))
 
     @torch.no_grad()
     def _validation_error(self) -> float:
