@@ -73,8 +73,8 @@ def filled(page: str) -> str:
 
 def in_short(found: Sequence[Robustness]) -> str:
     """Return the table of the best agents and of what the strongest level costs stp."""
-    heads = ["environment", "error", "best agent", "`stp`, strongest less recorded"]
-    heads += [f"`{agent}` by `stp`" for agent in RATIOS]
+    heads = ["environment", "error", "best agent", "`stp`: strongest − recorded"]
+    heads += [f"`{agent}` / `stp`" for agent in RATIOS]
     rows = []
     for curve in found:
         ratios = curve.mean_relative
@@ -97,7 +97,7 @@ def _leaders(curve: Robustness) -> str:
             parts.append(f"{begin}`{leader.agent}`")
         last = leader.agent
     sure = [f"{leader.level:g}" for leader in curve.leaders if leader.is_ahead]
-    note = f"; significant at {', '.join(sure)}" if sure else ""
+    note = f" (significant only at {', '.join(sure)})" if sure else ""
     return ", ".join(parts) + note
 
 
@@ -120,7 +120,7 @@ def _difference(
 def tracking_free(found: Sequence[Robustness]) -> str:
     """Return bADE of tracking_free less that of two agents by level; a star: p < .05."""
     others = ("stp_modes_tracklets", "mtp")
-    heads = ["environment", "error", *(f"less `{other}`" for other in others)]
+    heads = ["environment", "error", *(f"− `{other}`" for other in others)]
     rows = []
     for curve in found:
         own = [row for row in curve.on("all") if row.agent == "tracking_free"]
@@ -131,21 +131,27 @@ def tracking_free(found: Sequence[Robustness]) -> str:
                 difference = curve.difference(row, other)
                 if difference is not None:
                     star = "*" if difference.significant else ""
-                    parts.append(f"{row.level:g}: {difference.mean:+.3f}{star}")
+                    parts.append(_at(curve, row, f"{difference.mean:+.3f}{star}"))
             cells.append(", ".join(parts) or NONE)
         rows.append([curve.env, curve.knob, *cells])
     return table(heads, rows)
 
 
+def _at(curve: Robustness, row: LevelRow, text: str) -> str:
+    """Return a level and a text, bold as recorded."""
+    at_level = f"{row.level:g}: {text}"
+    return f"**{at_level}**" if row.level == curve.recorded else at_level
+
+
 def values(found: Sequence[Robustness]) -> str:
     """Return the table of an environment: a row per error and agent, a value per level."""
-    heads = ["error", "agent", "value by level", "strongest less recorded"]
+    heads = ["error", "agent", "value by level", "strongest − recorded"]
     rows = []
     for curve in found:
         for agent in SHOWN:
             own = [row for row in curve.on("all") if row.agent == agent]
             if own:  # not all agents drive
-                by_level = ", ".join(f"{row.level:g}: {row.value:.3f}" for row in own)
+                by_level = ", ".join(_at(curve, row, f"{row.value:.3f}") for row in own)
                 rows.append([curve.knob, f"`{agent}`", by_level, _rise(curve, agent)])
     return table(heads, rows)
 
