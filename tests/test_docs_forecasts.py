@@ -18,7 +18,7 @@ PAGE = "docs/data/stored_forecasts.md"
 def commands_with(repository: Path, words: str) -> list[list[str]]:
     """The commands of the block in which ``words`` stand."""
     block = next(each for each in blocks(repository / PAGE, "sh") if words in each)
-    return [shlex.split(line)[1:] for line in block.splitlines()]
+    return [shlex.split(line)[1:] for line in block.replace("\\\n", "").splitlines()]
 
 
 def test_the_columns_are_those_of_the_code(repository: Path) -> None:

@@ -123,7 +123,7 @@ def test_planted_faults_and_commands_on_them(
     test_it_runs(FAULTS, tmp_path, capsys)
     cli = CommandLine(capsys)
     lines = "".join(blocks(ROOT / "docs/visualization/fault.md", "sh")).splitlines()
-    commands = [shlex.split(line, comments=True)[1:] for line in lines]
+    commands = [words[1:] for line in lines if (words := shlex.split(line, comments=True))]
     shown = [words for words in commands if words[0] == "worst" or "--png" in words]
     printed = [cli.ok(*words) for words in shown]
     assert len(printed) >= 3

@@ -1,6 +1,7 @@
 """What the documents say is true: their code runs, and their tables list what there is."""
 
 import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +120,33 @@ def test_the_readme_is_short(repository: Path) -> None:
     assert text.count("![") - text.count("](docs/badges/") == 1
     assert text.count("<picture>") == 1
     assert len(re.findall(r"^\|[-:| ]+\|$", text, flags=re.MULTILINE)) == 1
+
+
+CODE = ("", "sh", "bash", "python", "toml", "json", "diff", "bibtex")  # `text` is what programs print
+
+
+def long_lines(page: Path, most: int) -> list[str]:
+    """Lines of code of more than ``most`` characters, with their numbers."""
+    found: list[str] = []
+    language: str | None = None
+    for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
+        if fence := re.match(r" *```(\S*)", line):
+            language = fence[1] if language is None else None
+        elif language in CODE and len(line) > most:
+            found.append(f"{number}: {line}")
+    assert language is None, f"{page}: a block is open at the end"
+    return found
+
+
+@pytest.mark.needs("git")
+def test_lines_of_code_are_not_cut(repository: Path) -> None:
+    """A page of the site and GitHub show 78 characters of a line at usual widths."""
+    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=repository, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip("this is not a clone, so no page is known to be tracked")
+    pages = listed.stdout.splitlines()
+    assert "README.md" in pages
+    assert [f"{page}:{line}" for page in pages for line in long_lines(repository / page, 78)] == []
 
 
 RUN_ELSEWHERE = re.compile(r"^<!-- blocks run in (\S+) -->$", flags=re.MULTILINE)
