@@ -27,6 +27,7 @@ CONTENT = {  # of `compare --json` and `score --json`
     "details": "A row per agent and setting, over all targets.",
     "official": "Numbers of MFEval and UniAD; `score --official` alone.",
     "skipped": "Rows of the data that could not be used, by reason.",
+    "ms_per_frame": "Mean time of a frame, by row; differs from machine to machine.",
     "failures": "Agents that failed, with the reason; `compare` alone.",
     "doubts": "What the doctor doubts about the data; `compare` alone.",
 }

@@ -40,6 +40,12 @@ def compare(
     shown: Shown,
     seeds: SeedsOption = SEEDS,
     json_file: JsonOption = None,
+    no_times: Annotated[
+        bool,
+        Option(
+            "--no-times", help="Leave times out of --json: equal runs, equal bytes."
+        ),
+    ] = False,
     train: Annotated[
         bool,
         Option("--train", help="First train the networks that have no weights here."),
@@ -67,6 +73,8 @@ def compare(
         full = shown.is_full or json_file is not None
         result = run_comparison(agents, env, options, full)
     content = result.report.to_json("condition", "paired", "details", "failures")
+    if no_times:
+        del content["ms_per_frame"]
     doubt_texts = [f"{doubt.scene}: {doubt.line}" for doubt in doubts]
     write_json(json_file, content | {"skipped": result.skipped, "doubts": doubt_texts})
     names = result.names(agents)

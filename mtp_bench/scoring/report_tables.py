@@ -113,7 +113,8 @@ class Report:
     def to_json(self, *field_names: str) -> dict[str, Any]:
         """Return the content of ``compare --json``.
 
-        It has env, definitions, rows, and the fields ``field_names``.
+        It has env, definitions, rows, and the fields ``field_names``. The times of the
+        agents, which differ from machine to machine, stand under their own key.
         """
         content: dict[str, Any] = {"env": self.env, "definitions": self.definitions}
         for name in ("rows", *field_names):
@@ -121,6 +122,7 @@ class Report:
             if name not in ("condition", "failures"):  # a list of rows
                 part = [row.model_dump(mode="json") for row in part]
             content[name] = part
+        content["ms_per_frame"] = [row.pop("ms_per_frame") for row in content["rows"]]
         return content
 
 

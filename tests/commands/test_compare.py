@@ -71,7 +71,7 @@ def test_a_stored_run_has_the_same_table(
     latex = tmp_path / "table.tex"
     content = json.loads(cli.ok("score", tmp_path / "run", "--data", kitti, "--json", "-", "--table", latex))
     assert latex.read_text().startswith("\\begin{table}\n\\caption{MTP-Small-v0, 2 scenes, 1 seed: m, less is better}")
-    assert list(content) == ["env", "definitions", "rows", "condition", "paired", "details", "skipped"]
+    assert list(content) == ["env", "definitions", "rows", "condition", "paired", "details", "ms_per_frame", "skipped"]
     lines = score(tmp_path / "run", data=kitti).report.per_scene()
     assert lines[0].keys() - json_keys.PER_SCENE.keys() < set(Row.model_fields)
     assert sum(line["bADE_sum"] for line in lines) == pytest.approx(

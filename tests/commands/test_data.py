@@ -87,5 +87,4 @@ def test_skipped_rows_are_counted_for_the_user(cli: CommandLine, tmp_path: Path,
         spoil(kitti)
     clean, spoilt = (read_json(tmp_path / f"{name}.json") for name in ("clean", "spoilt"))
     assert (clean["skipped"], spoilt["skipped"]) == ({}, {"detection not finite": 2, "detection size not above 0": 1})
-    for one, other in zip(clean["rows"], spoilt["rows"], strict=True):
-        assert {**one, "ms_per_frame": 0} == {**other, "ms_per_frame": 0}
+    assert clean["rows"] == spoilt["rows"]

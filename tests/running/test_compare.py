@@ -26,7 +26,6 @@ KEYS = [
     "gap_same_predictor_interval", "association_gap_closed", "association_gap_interval", "gap_blank_because",
     "association_gap_blank_because", "place", "rank_range", "unranked_because",
     "targets", "effective_targets", "events", "objects", "effective_objects", "scenes", "effective_units", "seeds",
-    "ms_per_frame",
 ]  # fmt: skip
 CONTROLS = [
     ("gt_tracks", 1, 4, "equal"), ("gt_tracks draws=20", 1, 4, "equal"), ("stp", 1, 4, "equal"),
@@ -77,6 +76,7 @@ def test_the_file_has_the_keys_that_others_script_against(once: Once) -> None:
         "paired",
         "details",
         "failures",
+        "ms_per_frame",
         "skipped",
         "doubts",
     ]
@@ -92,7 +92,15 @@ def test_the_file_has_the_keys_that_others_script_against(once: Once) -> None:
     everything = rows[0]
     assert (everything["targets"], everything["objects"], everything["scenes"]) == (24, 6, 2)
     assert (everything["events"], everything["unranked_because"]) == (None, "saw the truth")
-    assert everything["ms_per_frame"] > 0
+    assert len(content["ms_per_frame"]) == len(rows)
+    assert content["ms_per_frame"][0] > 0
+
+
+def test_equal_runs_write_equal_bytes(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
+    files = [tmp_path / f"{jobs}.json" for jobs in (1, 2)]
+    for jobs, file in enumerate(files, 1):
+        cli.ok("compare", "stp", "--env", card, "--data", kitti, "--jobs", jobs, "--no-times", "--json", file)
+    assert files[0].read_bytes() == files[1].read_bytes()
 
 
 def test_what_an_interpreter_prints_is_short(card: str, kitti: str) -> None:

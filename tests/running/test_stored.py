@@ -39,8 +39,8 @@ def folder(finished: Path, tmp_path: Path) -> Path:
 
 
 def without_times(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """What does not depend on the clock, nor on who else is there."""
-    beside = ("ms_per_frame", "difference_to_stp", "difference_interval", "p")
+    """What does not depend on who else is there."""
+    beside = ("difference_to_stp", "difference_interval", "p")
     return [{k: v for k, v in row.items() if k not in beside and "gap" not in k and k[:5] != "cost_"} for row in rows]
 
 

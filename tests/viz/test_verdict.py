@@ -68,7 +68,7 @@ def test_one_sentence_says_what_perfect_association_and_hypotheses_win() -> None
     assert verdict(report(rows(MINE), [association]), ["mine"]) == ""
 
 
-def test_few_objects_tell_nothing() -> None:
+def test_few_switches_tell_nothing() -> None:
     association = pair(PERFECT, "stp_same_samples", "ids", error=-6.817, interval=None, p=1.0)
     gain = pair(MTP, "stp_same_samples", "ids", **CLEAR)
     few = report(rows(MTP, effective_objects=19.9), [association, gain])

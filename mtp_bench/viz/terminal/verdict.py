@@ -127,12 +127,13 @@ def cost_lines(report: Report) -> Iterator[str]:
 def _paired(report: Report, agent: str, control: str, subset: str) -> PairedRow | None:
     """Return the difference of an agent's most hypotheses to a control.
 
-    None for fewer objects than ranks need.
+    None for fewer switches and the like than ranks need.
     """
     objects = [
         row.effective_objects or 0 for row in report.rows if row.subset == subset
     ]
-    if max(objects, default=0) < RANKED_OBJECTS:  # alike for all agents with targets
+    # alike for all agents with targets
+    if subset != "all" and max(objects, default=0) < RANKED_OBJECTS:
         return None
     key = (agent, "equal", control, subset)
     pairs = [
