@@ -41,6 +41,7 @@ _BASELINE, _BASELINES = (
 )
 _FENCED = re.compile(r"^(```.*?^```)", flags=re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
+_PICTURE = re.compile(r'\b(src|srcset)="(docs/[^"]+)"')  # of HTML in the README
 
 
 def files() -> dict[str, str]:
@@ -110,6 +111,11 @@ def relinked(text: str, place: str, repo_url: str) -> str:
             else words
         )
 
+    def picture(found: re.Match[str]) -> str:
+        inside = place_of(found[2]) or found[2]
+        return f'{found[1]}="{os.path.relpath(inside, PurePosixPath(place).parent)}"'
+
+    text = _PICTURE.sub(picture, text)
     parts = _FENCED.split(text)
     return "".join(
         part if part.startswith("```") else _LINK.sub(link, part) for part in parts
