@@ -3,7 +3,8 @@
     python -m docs.generate.robustness
 
 Tables stand between ``<!-- robustness: NAME -->`` and ``<!-- /robustness -->``. The names are ``in short``, a row per
-environment and error; ``tracking-free``, differences to other agents by level; the id of an environment, a row per error
+environment and error; ``tracking-free``, differences to other agents by level; ``switches``, gains of
+hypotheses on identity switches; the id of an environment, a row per error
 and agent; ``trained``, networks trained with noise.
 """
 
@@ -15,7 +16,7 @@ from pathlib import Path
 
 from mtp_bench.core.files import write_text
 from mtp_bench.running import Level, LevelRow, Robustness
-from mtp_bench.scoring import numbers_of
+from mtp_bench.scoring import RANKED_OBJECTS, numbers_of
 from mtp_bench.viz import draw_curves
 
 from .blocks import filled_blocks, table
@@ -32,10 +33,12 @@ PICTURES = {
 }
 SHOWN = ("stp", "mtp", "tracking_free", "affinity", "stp_modes_tracklets")
 RATIOS = SHOWN[1:]
+TRACKING_AGENTS = ("stp_modes_tracklets", "mtp")
+CONTROLS = ("stp_same_samples", "stp_neighbours")
 SEES_TRUTH = ("perfect_association_same_samples", "gt_tracks")
 NONE = "–"
-DRAWN_ENV = "MTP-KITTI-v0"
-DRAWN_KNOBS = ("noise", "misses", "delay")
+DRAWN_ENV = "MTP-nuScenes-v0"
+DRAWN_KNOBS = ("noise", "score", "delay")
 
 
 def stored(env: str, knob: str) -> Robustness:
@@ -64,6 +67,8 @@ def filled(page: str) -> str:
             return in_short(curves())
         if name == "tracking-free":
             return tracking_free(curves())
+        if name == "switches":
+            return switches(curves())
         if name == "trained":
             return trained()
         return values([curve for curve in curves() if curve.env == name])
@@ -98,6 +103,8 @@ def _leaders(curve: Robustness) -> str:
         last = leader.agent
     sure = [f"{leader.level:g}" for leader in curve.leaders if leader.is_ahead]
     note = f" (significant only at {', '.join(sure)})" if sure else ""
+    if len(sure) == len(curve.levels):
+        note = " (significant at all levels)"
     return ", ".join(parts) + note
 
 
@@ -114,27 +121,51 @@ def _difference(
     if mean is None:
         return NONE
     low, high = interval or (mean, mean)
-    return f"{mean:+.3f} [{low:+.3f}, {high:+.3f}]"
+    return f"{_signed(mean)} [{_signed(low)}, {_signed(high)}]"
 
 
 def tracking_free(found: Sequence[Robustness]) -> str:
-    """Return bADE of tracking_free less that of two agents by level; a star: p < .05."""
-    others = ("stp_modes_tracklets", "mtp")
-    heads = ["environment", "error", *(f"− `{other}`" for other in others)]
+    """Return bADE of tracking_free less that of two agents by level."""
     rows = []
     for curve in found:
         own = [row for row in curve.on("all") if row.agent == "tracking_free"]
-        cells = []
-        for other in others:
-            parts = []
-            for row in own:
-                difference = curve.difference(row, other)
-                if difference is not None:
-                    star = "*" if difference.significant else ""
-                    parts.append(_at(curve, row, f"{difference.mean:+.3f}{star}"))
-            cells.append(", ".join(parts) or NONE)
-        rows.append([curve.env, curve.knob, *cells])
+        rows.append(_by_level(curve, own, TRACKING_AGENTS))
+    heads = ["environment", "error", *(f"− `{other}`" for other in TRACKING_AGENTS)]
     return table(heads, rows)
+
+
+def switches(found: Sequence[Robustness]) -> str:
+    """Return bADE of mtp on identity switches less that of its controls by level.
+
+    Environments with too few of them to rank are left out.
+    """
+    rows = []
+    for curve in found:
+        own = [row for row in curve.on("ids") if row.agent == "mtp"]
+        if any((row.effective_objects or 0) >= RANKED_OBJECTS for row in own):
+            rows.append(_by_level(curve, own, CONTROLS))
+    heads = ["environment", "error", *(f"− `{other}`" for other in CONTROLS)]
+    return table(heads, rows)
+
+
+def _by_level(
+    curve: Robustness, own: Sequence[LevelRow], others: Sequence[str]
+) -> list[str]:
+    """Return a row of differences to other agents by level; a star: p < .05."""
+    cells = []
+    for other in others:
+        parts = []
+        for row in own:
+            difference = curve.difference(row, other)
+            if difference is not None:
+                star = r"\*" if difference.significant else ""
+                parts.append(_at(curve, row, _signed(difference.mean) + star))
+        cells.append(", ".join(parts) or NONE)
+    return [curve.env, curve.knob, *cells]
+
+
+def _signed(number: float) -> str:
+    return f"{number:+.3f}".replace("-", "−")
 
 
 def _at(curve: Robustness, row: LevelRow, text: str) -> str:
