@@ -31,19 +31,17 @@ SUMMARIES = _TEXTS["summaries"]  # by command
 MODULES = _TEXTS["modules"]  # by command, where the file has another name
 INTERRUPTED_NOTES = _TEXTS["interrupted"]  # by command
 GROUPS = _TEXTS["groups"]  # options by heading of the help
+WHOLE_FILES = "files are complete or not there"  # after an interruption
+_received: list[int] = []  # numbers of signals to end
 _MANY_OPTIONS = 12  # from so many on they are grouped
-
-
-class InterruptedCommandError(Exception):
-    """An interruption by a signal, with a note and the signal's number."""
 
 
 class Commands(TyperGroup):
     """All commands, imported when they are used, so that ``--help`` starts at once.
 
     The command ``x-y`` is the function, or the group, ``x_y`` of the module ``x_y``,
-    or of the one that ``commands.toml`` names. An interruption is reported in one line,
-    and wrong usage with the value that was got.
+    or of the one that ``commands.toml`` names. Wrong usage is reported with the value that was
+    got.
     """
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
@@ -101,10 +99,6 @@ class Commands(TyperGroup):
             command_words = ["mtp-bench", *sys.argv[1:2]]
             with long_work(" ".join([*command_words, "is working"])):
                 return super().invoke(ctx)
-        except KeyboardInterrupt as interruption:
-            note = INTERRUPTED_NOTES.get(ctx.invoked_subcommand, "no file was written")
-            number, *_ = interruption.args or (signal.SIGINT,)
-            raise InterruptedCommandError(note, number) from None
         except BadParameter as error:
             from pydantic import ValidationError
 
@@ -222,10 +216,11 @@ def main() -> None:
         raise SystemExit(1) from None
     except (MtpBenchError, OSError) as error:
         fail(error_text(error))
-    except InterruptedCommandError as interruption:
-        note, number = interruption.args
-        say(f"interrupted; {note}")
-        raise SystemExit(SIGNALLED + number) from None
+    finally:
+        if _received:  # typer ends with another status, in silence
+            command = next(iter(sys.argv[1:2]), "")
+            say(f"interrupted; {INTERRUPTED_NOTES.get(command, WHOLE_FILES)}")
+            raise SystemExit(SIGNALLED + _received[0]) from None
 
 
 def _interrupt_at_signals() -> None:
@@ -233,7 +228,8 @@ def _interrupt_at_signals() -> None:
 
     def interrupt(number: int, _: object) -> None:
         _ignore_signals()
-        raise KeyboardInterrupt(number)
+        _received.append(number)
+        raise KeyboardInterrupt
 
     for each in ENDING_SIGNALS:
         if signal.getsignal(each) != signal.SIG_IGN:  # as under nohup

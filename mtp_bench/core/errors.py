@@ -4,6 +4,8 @@ Each error says what was got, what was expected, where, and what to do.
 """
 
 import difflib
+import re
+import unicodedata
 from collections.abc import Collection, Iterable
 from typing import Any
 
@@ -189,15 +191,19 @@ def other_spelling(name: str, names: Collection[str]) -> str:
     """
     if name in names:
         return ""
-    plain_names = {_plain(each): each for each in names}
+    numbers = re.findall(r"\d+", name)
+    plain_names = {
+        _plain(each): each for each in names if re.findall(r"\d+", each) == numbers
+    }
     meant_name = closest(_plain(name), plain_names, _OTHER_SPELLING)
     return plain_names[meant_name] if meant_name else ""
 
 
 def _plain(name: str) -> str:
-    """Return small letters and digits after a dot, without an s at the end."""
-    word = name.lower().rsplit(".", maxsplit=1)[-1]
-    return "".join(filter(str.isalnum, word)).removesuffix("s")
+    """Return small letters and digits, without "vehicle." and the end of a plural."""
+    word = unicodedata.normalize("NFKC", name).lower().strip(".")
+    word = word.removeprefix("vehicle.").removeprefix("human.")
+    return re.sub("(e?s)+$", "", "".join(filter(str.isalnum, word)))
 
 
 def similar_class(name: str, names: Iterable[str]) -> str | None:

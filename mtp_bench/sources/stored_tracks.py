@@ -38,6 +38,7 @@ from .files.scene import (
     class_ids_of,
     find_table,
     ids_of,
+    of_classes,
     require_spelling,
     scores_of,
     velocities_of,
@@ -126,9 +127,9 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
     # whole numbers keep their order as numbers: 10 comes after 9
     if np.array_equal(track_number.astype(np.str_), track_names):
         identity = track_number
-    is_used = class_id >= 0
+    is_used, skipped = of_classes(table, "tracks", classes)
     return with_stored(
-        scene,
+        replace(scene, skipped={**scene.skipped, **skipped}),
         frame[is_used],
         identity[is_used],
         class_id[is_used],

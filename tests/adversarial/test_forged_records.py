@@ -729,7 +729,7 @@ def test_a_record_with_answers_of_another_gets_a_note(cli: CommandLine, proposal
         assert "`training_data` in submission.toml is empty" in said
 
 
-def test_intake_looks_at_every_owner_once(proposal: Path, leaderboard: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_intake_looks_at_every_owner_twice(proposal: Path, leaderboard: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[str] = []
 
     def look(name: str) -> str:
@@ -741,7 +741,7 @@ def test_intake_looks_at_every_owner_once(proposal: Path, leaderboard: Path, mon
     (leaderboard / "owners.toml").write_text(f"[owners]\n{others}")
     (proposal / "owners.toml").write_text(f"{OWNED}{others}" + "".join(f'y{i} = "ada"\n' for i in range(19)))
     intake.take_in(proposal, trusted(leaderboard), "ada")
-    assert 1000 < len(seen) < 1200, "once for every owner"
+    assert 1000 < len(seen) < 2400, "twice for every owner, whatever is new"
 
 
 @pytest.mark.needs("bash")
@@ -830,6 +830,15 @@ def without_a_commit(proposal: Path, _: Path) -> None:
     subprocess.run(["git", "-C", proposal.parent, "init", "-q"], check=True)
 
 
+def below_another_repository(proposal: Path, _: Path) -> None:
+    """Git finds that one, and lists none of the files."""
+    require_program("git")
+    subprocess.run(["git", "-C", proposal.parent, "init", "-q"], check=True)
+    commit = ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "a"]
+    subprocess.run(["git", "-C", proposal.parent, *commit], check=True)
+    (proposal / ".git").symlink_to("nowhere")
+
+
 def with_a_key_twice(proposal: Path, _: Path) -> None:
     text = (proposal / NEWCOMER).read_text()
     (proposal / NEWCOMER).write_text(text.replace("{", '{"format":3,', 1))
@@ -858,6 +867,7 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "an executable file": (lambda head, _: (head / NEWCOMER).chmod(0o755), f"{NEWCOMER}: executable file, expected"),
     "an empty folder": (lambda head, _: (head / "records" / "evil").mkdir(), "records/evil: empty folder or submodule"),
     "a submodule": (with_a_submodule, "records/evil: git mode 160000, expected a file of mode 100644"),
+    "a repository above it": (below_another_repository, "file that is not in git's commit, expected a file of mode 100644"),
     "a clone that git does not list": (without_a_commit, "git cannot list its files (fatal: Not a valid object name HEAD)"),
     "another folder": (
         lambda head, _: (head / "records" / "newcomer").rename(head / "records" / "other"), "expected it at newcomer/"),

@@ -168,7 +168,7 @@ def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Ca
     assert scene.skipped == {"truth of class 'person', which the task does not have: did you mean 'pedestrian'?": 2}
 
 
-@pytest.mark.parametrize("name", ["Car", "cars", "vehicle.car", "CAR", "Pedestrain"])
+@pytest.mark.parametrize("name", ["Car", "cars", "vehicle.car", "CAR", "car.", "\uff43\uff41\uff52", "Pedestrain"])
 @pytest.mark.parametrize("table", ["truth", "detections"])
 def test_a_class_in_another_spelling_is_refused(table: str, name: str, tmp_path: Path, base: Card) -> None:
     """Its rows would be skipped, and counted where nobody looks."""

@@ -122,6 +122,7 @@ def csv(row: str, header: str = "frame,id,class,x,y,z,yaw,l,w,h,score") -> str:
 
 TABLE: dict[str, tuple[str, str]] = {  # content, what the error says; the rest is as of any table of own scenes
     "after the end": (csv("9,1,car,1,1,1,0,4,2,1,1"), "line 2, column 'frame': frame 9"),
+    "no class of the task": (csv("0,1,van,1,1,1,0,4,2,1,1"), "no other row of the tracks has a class of the task"),
     "a class in capitals": (
         csv("0,1,pedestrian,1,1,1,0,4,2,1,1\n0,2,Car,1,1,1,0,4,2,1,1"),
         "line 3, column 'class': 'Car' is not a class of the task; did you mean 'car'"),

@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
+from string import digits
 
 from ...core import (
     MtpBenchError,
@@ -133,7 +134,13 @@ def _files(root: Path) -> dict[Path, str]:
     Odd is everything but a regular file of mode 100644. Stored rollouts are left out.
     Raises RecordError for too many.
     """
-    files = _odd_in_git(root)
+    modes = _modes_in_git(root)
+    files: dict[Path, str] = {}
+    if modes is not None:
+        odd_modes = (
+            (name, mode) for name, mode in modes.items() if mode != _PLAIN_MODE
+        )
+        files = {name: f"git mode {mode}" for name, mode in odd_modes}
     for parent, folders, names in os.walk(root, followlinks=False):
         if not (folders or names):
             files[Path(parent).relative_to(root)] = "empty folder or submodule"
@@ -144,8 +151,11 @@ def _files(root: Path) -> dict[Path, str]:
         for file_name in (*folders, *names):
             file = Path(parent, file_name)
             kind = _kind_of(file)
+            name = file.relative_to(root)
+            if modes is not None and name not in modes and not kind:
+                kind = "file that is not in git's commit"
             if kind != "folder":
-                files.setdefault(file.relative_to(root), kind)
+                files.setdefault(name, kind)
         if len(files) > _MAX_FILES:
             raise RecordError(f"{root}: more than {_MAX_FILES} files")
     return files
@@ -163,34 +173,36 @@ def _kind_of(path: Path) -> str:
     return kind
 
 
-def _odd_in_git(root: Path) -> dict[Path, str]:
-    """Return odd modes in git's commit of ``root``.
+def _modes_in_git(root: Path) -> dict[Path, str] | None:
+    """Return the modes of the files of ``root`` in git's commit.
 
-    It is empty outside a repository. A submodule need not have a folder on disk.
-    Raises RecordError where git cannot tell.
+    None outside a repository. A submodule need not have a folder on disk. Raises
+    RecordError where git cannot tell.
     """
     folder = root.resolve()
-    if not any((parent / ".git").exists() for parent in (folder, *folder.parents)):
-        return {}
-    command = ["git", "-c", "protocol.allow=never", "-C", str(root)]
-    command += ["ls-tree", "-r", "-z", "HEAD"]
+    if not any(os.path.lexists(each / ".git") for each in (folder, *folder.parents)):
+        return None
+    command = ["git", "--no-replace-objects", "-c", "protocol.allow=never"]
+    command += ["-C", str(root), "ls-tree", "-r", "-z", "HEAD"]
+    # such as GIT_DIR, which would list another repository
+    others = {key: text for key, text in os.environ.items() if key[:4] != "GIT_"}
     try:
-        result = subprocess.run(command, capture_output=True, check=True)
+        result = subprocess.run(command, capture_output=True, check=True, env=others)
     except FileNotFoundError:
         raise RecordError(f"{root} is a clone: install git to check it") from None
     except subprocess.CalledProcessError as error:
         lines = error.stderr.decode(errors="replace").split("\n", 1)
+        reason = clean_text(lines[0], _MOST_OUTPUT) or f"status {error.returncode}"
         raise RecordError(
-            f"{root}: git cannot list its files "
-            f"({clean_text(lines[0], _MOST_OUTPUT)}): make a clone "
-            "of your own and take that in"
+            f"{root}: git cannot list its files ({reason}): make a clone of your own "
+            "and take that in"
         ) from None
-    odd = {}
+    modes = {}
     for entry in os.fsdecode(result.stdout).split("\0"):
-        if entry and not entry.startswith(_PLAIN_MODE):
+        if entry:
             about, name = entry.split("\t", 1)
-            odd[Path(name)] = f"git mode {about.split()[0]}"
-    return odd
+            modes[Path(name)] = about.split()[0]
+    return modes
 
 
 def _proposed_owners(
@@ -248,11 +260,13 @@ def _look(name: str) -> str:
 def _notes_on_names(new_names: Collection[str], names: Iterable[str]) -> list[str]:
     """Return a note for each new name that is close to a name of ``names``."""
     notes = []
+    all_names = [*baseline_names(), *(name for name in names if name not in new_names)]
+    looks = {_look(name).rstrip(digits): name for name in all_names}
     for name in sorted(new_names):
-        others = [other for other in (*baseline_names(), *names) if other != name]
-        if close_names := get_close_matches(name, others, 1, _CLOSE):
+        look = _look(name).rstrip(digits)
+        if close := get_close_matches(look, looks, 1, _CLOSE):
             notes.append(
-                f"{OWNERS}: {name!r} is close to {close_names[0]!r}: may readers take "
+                f"{OWNERS}: {name!r} is close to {looks[close[0]]!r}: may readers take "
                 "one for the other?"
             )
     return notes

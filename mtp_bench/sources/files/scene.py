@@ -13,6 +13,7 @@ import numpy as np
 from ...cards import Card, FilesSource, instead_of_stored
 from ...core import (
     ID_LIMIT,
+    Bools,
     DataError,
     Floats,
     Ints,
@@ -294,6 +295,18 @@ def _usable_rows(
     All rows are checked. The rows are sorted by frame and otherwise in their order.
     """
     check_ranges(table, positive_sizes=name == "truth")
+    is_used, skipped = of_classes(table, name, classes)
+    return sorted_rows(frame, is_used), skipped
+
+
+def of_classes(
+    table: RowTable, name: str, classes: Collection[str]
+) -> tuple[Bools, dict[str, int]]:
+    """Mask the rows [R] of ``classes``, and count the others by reason.
+
+    ``name`` of the table, for errors: DataError for a class that is spelt otherwise,
+    and if no row is left.
+    """
     require_spelling(table, classes)
     class_names = table["class"]
     is_used = np.isin(class_names, list(classes))
@@ -314,7 +327,7 @@ def _usable_rows(
         if hint := class_hint(other_kind, classes):
             reason += f": {hint}"
         skipped[reason] = count
-    return sorted_rows(frame, is_used), skipped
+    return is_used, skipped
 
 
 def require_spelling(table: RowTable, classes: Collection[str]) -> None:
