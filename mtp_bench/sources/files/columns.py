@@ -39,7 +39,8 @@ _CENTRE = (
 )
 _CLASS = TableColumn(
     "class",
-    "name of a class of the task, spelt alike; rows of other classes are skipped and counted",
+    "name of a class of the task, spelt alike; rows of other classes are skipped and "
+    "counted",
     text=True,
 )
 _SCORE = TableColumn("score", "as the detector gives it", "1")
