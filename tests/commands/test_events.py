@@ -31,7 +31,7 @@ def rows_of(printed: str) -> list[list[str]]:
 def test_the_events_are_listed_by_scene_and_frame(cli: CommandLine, events_run: Path, known: list[str]) -> None:
     printed = cli.ok("events", events_run, *known)
     assert rows_of(printed) == [
-        ["0001", "4", "ids-0", "car 7", "7 → 8", "–", "2.00", "not detected now 2.0 m", "–"],
+        ["0001", "4", "ids-0", "car 7", "7 → 8", "–", "2.00", "no forecast 2.0 m", "–"],
         ["0001", "5", "lost-0", "car 7", "8 → –", "–", "2.00", "no forecast 2.0 m", "–"],
         ["0001", "7", "reacquired-0", "car 7", "8 → 8", "–", "–", "–", "–"],
         ["0006", "1–3", "spurious-0", "car", "90", "–", "–", "–", "1.00"],
@@ -109,7 +109,7 @@ def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: 
     assert switch == {
         "scene": "0001", "frame": 4, "until": 4, "time": pytest.approx(0.41, abs=0.01), "event": "ids-0", "kind": "ids",
         "object": 7, "class": "car", "old_id": 7, "new_id": 8, "wrong": False, "minADE": None, "error": 2.0,
-        "parts": {"not detected now": 2.0}, "object_id": "7", "error_before": 2.0, "confidence": None,
+        "parts": {"no forecast": 2.0}, "object_id": "7", "error_before": 2.0, "confidence": None,
         "old_id_in_file": None, "new_id_in_file": None, "cause": None, "at_fault": None,
     }  # fmt: skip
     assert (ghost["frame"], ghost["until"], ghost["object"], ghost["new_id"]) == (1, 3, None, 90)

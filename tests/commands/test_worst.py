@@ -167,7 +167,8 @@ def test_a_detection_of_a_neighbour_is_no_evidence() -> None:
     """Of two cars 1.5 m apart only the second one is detected and followed."""
     truth = [[Thing(1, float(t), 0.0), Thing(2, float(t), 1.5)] for t in range(8)]
     seen = [[Thing(2, float(t), 1.5)] for t in range(8)]
-    run = replay(with_detections(make_scene(truth), seen), make_rollout(seen), make_card())
+    forecasts = [[replace(thing, forecast=[[(float(t), 1.5)] * 3]) for thing in frame] for t, frame in enumerate(seen)]
+    run = replay(with_detections(make_scene(truth), seen), make_rollout(seen, forecasts), make_card())
     assert borrowed(run)[run.scene.truth.object_id == 1].any()
     assert not borrowed(run)[run.scene.truth.object_id == 2].any()
 

@@ -64,7 +64,7 @@ def test_every_table_is_written_for_programs_and_for_papers(made: Study) -> None
 
 def test_the_rows_are_those_of_the_report(made: Study) -> None:
     written = json.loads((made.folder / "tables" / "rows.json").read_text())["rows"]
-    assert written == json.loads(json.dumps(made.report.to_json()["rows"]))
+    assert written == json.loads(json.dumps([row.model_dump(mode="json") for row in made.report.rows]))
 
 
 def test_the_notebook_draws_the_errors_of_the_report(made: Study, monkeypatch: pytest.MonkeyPatch) -> None:
