@@ -142,7 +142,7 @@ def test_kills(soak: Soak) -> None:
         if target == process.pid:
             # -N, which a shell shows as 128 + N, while Python still starts
             assert process.returncode in {0, 128 + kind, -kind}
-        assert "Traceback" not in said
+        assert "Traceback" not in said or process.returncode == -signal.SIGINT
         deadline = time.monotonic() + 10
         while soak.processes(process.pid):
             assert time.monotonic() < deadline, "processes live on"
