@@ -71,3 +71,9 @@ def test_workers_leave_signals_to_this_process() -> None:
     for blocked in parallel_map(blocked_signals, [(), ()], Workers(2)):
         assert blocked >= {*ENDING_SIGNALS}
     assert blocked_signals() == before
+
+
+def test_a_system_that_cannot_block_signals(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such as Windows: the work is the same."""
+    monkeypatch.delattr(signal, "pthread_sigmask")
+    assert parallel_map(abs, [(-1,), (2,)], Workers(2)) == [1, 2]

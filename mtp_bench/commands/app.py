@@ -40,8 +40,8 @@ class Commands(TyperGroup):
     """All commands, imported when they are used, so that ``--help`` starts at once.
 
     The command ``x-y`` is the function, or the group, ``x_y`` of the module ``x_y``,
-    or of the one that ``commands.toml`` names. Wrong usage is reported with the value that was
-    got.
+    or of the one that ``commands.toml`` names. Wrong usage is reported with the value
+    that was got.
     """
 
     def __init__(self, *arguments: Any, **keywords: Any) -> None:

@@ -22,7 +22,11 @@ _CONNECT_SECONDS = 10  # wait for the scheduler
 _WORKER_SECONDS = 30  # wait for its first worker: those that died may be restarting
 # Where it is set, Python does not import from the current folder.
 _SAFE_PATH = "PYTHONSAFEPATH"
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ENDING_SIGNALS = tuple(  # Windows does not have all
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP")
+    if hasattr(signal, name)
+)
 _WATCH_SECONDS = 0.5
 # Calls in one process follow each other: agents need not be thread-safe.
 _one_at_a_time = threading.Lock()
@@ -187,6 +191,9 @@ def _blocked_signals() -> Iterator[None]:
 
     A signal that comes meanwhile is delivered to this process afterwards.
     """
+    if not hasattr(signal, "pthread_sigmask"):  # on Windows
+        yield
+        return
     previous = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING_SIGNALS)
     try:
         yield

@@ -180,7 +180,8 @@ class EnvEvaluation:
             )
             training_card = with_split(self.card, "train")
             shared = scenes_of_card(self.scenes, training_card, self.options.data)
-            report.condition["trained"] += f". These scenes: {', '.join(shared)}"
+            if shared:
+                report.condition["trained"] += f". These scenes: {', '.join(shared)}"
         return report, event_weights
 
     def jobs(self, setting: Setting, seed: int, scenes: Sequence[str]) -> list[Job]:

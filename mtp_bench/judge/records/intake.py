@@ -135,15 +135,26 @@ def _files(root: Path) -> dict[Path, str]:
     Raises RecordError for too many.
     """
     modes = _modes_in_git(root)
-    files: dict[Path, str] = {}
-    if modes is not None:
-        odd_modes = (
-            (name, mode) for name, mode in modes.items() if mode != _PLAIN_MODE
+    files = {
+        name: f"git mode {mode}"
+        for name, mode in (modes or {}).items()
+        if mode != _PLAIN_MODE
+    }
+    for name, kind in _files_on_disk(root):
+        is_unknown = modes is not None and not kind and name not in modes
+        files.setdefault(
+            name, "file that is not in git's commit" if is_unknown else kind
         )
-        files = {name: f"git mode {mode}" for name, mode in odd_modes}
+        if len(files) > _MAX_FILES:
+            raise RecordError(f"{root}: more than {_MAX_FILES} files")
+    return files
+
+
+def _files_on_disk(root: Path) -> Iterator[tuple[Path, str]]:
+    """Yield all files and empty folders, and what is odd about each."""
     for parent, folders, names in os.walk(root, followlinks=False):
         if not (folders or names):
-            files[Path(parent).relative_to(root)] = "empty folder or submodule"
+            yield Path(parent).relative_to(root), "empty folder or submodule"
         for folder_name in tuple(folders):
             is_link = Path(parent, folder_name).is_symlink()
             if folder_name.endswith(ROLLOUTS_SUFFIX) and not is_link:
@@ -151,14 +162,8 @@ def _files(root: Path) -> dict[Path, str]:
         for file_name in (*folders, *names):
             file = Path(parent, file_name)
             kind = _kind_of(file)
-            name = file.relative_to(root)
-            if modes is not None and name not in modes and not kind:
-                kind = "file that is not in git's commit"
             if kind != "folder":
-                files.setdefault(name, kind)
-        if len(files) > _MAX_FILES:
-            raise RecordError(f"{root}: more than {_MAX_FILES} files")
-    return files
+                yield file.relative_to(root), kind
 
 
 def _kind_of(path: Path) -> str:
