@@ -19,7 +19,8 @@ from .errors import MtpBenchError
 
 Calls = Sequence[tuple[Any, ...]]  # the arguments of each
 _CONNECT_SECONDS = 10  # wait for the scheduler
-_WORKER_SECONDS = 30  # wait for its first worker: those that died may be restarting
+_WORKER_SECONDS = 30  # wait for a worker: those that died may be restarting
+_POLL_SECONDS = 0.05
 # Where it is set, Python does not import from the current folder.
 _SAFE_PATH = "PYTHONSAFEPATH"
 ENDING_SIGNALS = tuple(  # Windows does not have all
@@ -211,11 +212,8 @@ def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[An
 
     with _connected(scheduler) as client:
         futures = client.map(_indexed_on_worker, calls, version=__version__, pure=False)
-        untyped: Any = distributed
         try:
-            for _, result in untyped.as_completed(
-                futures, loop=client.loop, with_results=True
-            ):
+            for _, result in _completed(client, futures):
                 yield result
         except distributed.KilledWorker as error:
             raise MtpBenchError(
@@ -224,6 +222,37 @@ def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[An
             ) from None
         finally:
             client.cancel(futures)  # after an error the others are not waited for
+
+
+def _completed(client: Any, futures: Sequence[Any]) -> Iterator[Any]:
+    """Yield each future with its result, as long as the scheduler has workers."""
+    import distributed
+
+    untyped: Any = distributed
+    completed = untyped.as_completed(futures, loop=client.loop, with_results=True)
+    seen = time.monotonic()  # when there was a worker last
+    while not completed.is_empty():
+        if completed.has_ready():
+            yield next(completed)
+        elif _has_workers(client):
+            seen = time.monotonic()
+            time.sleep(_POLL_SECONDS)
+        elif time.monotonic() < seen + _WORKER_SECONDS:
+            time.sleep(_POLL_SECONDS)
+        else:
+            raise MtpBenchError(
+                f"all workers of {client.scheduler.address} ended, and none joined in "
+                f"{_WORKER_SECONDS} s: start some again"
+            )
+
+
+def _has_workers(client: Any) -> bool:
+    try:
+        return bool(client.nthreads())
+    except OSError:
+        raise MtpBenchError(
+            f"the Dask scheduler at {client.scheduler.address} ended: start it again"
+        ) from None
 
 
 def require_cluster(scheduler: str) -> None:

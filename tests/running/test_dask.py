@@ -19,9 +19,10 @@ from mtp_bench.core import Task, parallel
 from mtp_bench.core.bundle import __version__
 from mtp_bench.core.errors import MtpBenchError
 from mtp_bench.core.notice import Progress
-from mtp_bench.core.parallel import SERIAL, Workers, parallel_map
+from mtp_bench.core.parallel import SERIAL, Workers, parallel_map, unordered_map
 from mtp_bench.env.rollouts import digest
-from mtp_bench.judge import run_isolated_scenes
+from mtp_bench.judge import load_record, run_isolated_scenes
+from mtp_bench.judge.records.parts import Parts
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.playing import Job, compile_kernels, run_jobs
 from tests.support.command_line import CommandLine, read_json
@@ -168,9 +169,49 @@ def test_commands_print_the_same_through_a_cluster(
         assert alone == spread
 
 
-def kill_worker(cluster: Any) -> None:
+def test_every_baseline_is_submitted_though_a_worker_dies(
+    cluster: Any, cli: CommandLine, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ("submit", "--all", "stp", "--env", card, "--data", kitti, "--seeds", 2)
+    assert cli(*words, "--jobs", 1, "-o", tmp_path / "alone").status == 0
+    killed: list[int] = []
+
+    def writing(parts: Parts, *given: Any) -> None:
+        if not killed:
+            killed.append(kill_worker(cluster))
+        written(parts, *given)
+
+    written = Parts.write
+    monkeypatch.setattr(Parts, "write", writing)
+    assert cli(*words, "--scheduler", cluster.scheduler_address, "-o", tmp_path / "spread").status == 0
+    assert killed
+    records = [load_record(next((tmp_path / name).rglob("*.json"))) for name in ("alone", "spread")]
+    same, other = (record.model_dump(exclude={"measured", "digest"}) for record in records)
+    assert same == other
+
+
+def test_a_cluster_that_loses_all_workers_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    with distributed_untyped.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
+    ) as small:
+        monkeypatch.setattr(parallel, "_worker_problem", lambda version: "")
+        results = unordered_map(wait_and_return, [(0.1,), (1.0,)], Workers(1, small.scheduler_address))
+        assert next(results) == (0, 0.1)
+        monkeypatch.setattr(parallel, "_WORKER_SECONDS", 0.5)
+        small.scale(0)
+        with pytest.raises(MtpBenchError, match=r"all workers of inproc://.* ended, .* start some again"):
+            next(results)
+
+
+def wait_and_return(seconds: float) -> float:
+    time.sleep(seconds)
+    return seconds
+
+
+def kill_worker(cluster: Any) -> int:
     worker = next(iter(cluster.workers.values()))
     os.kill(worker.pid, signal.SIGKILL)
+    return int(worker.pid)
 
 
 def without_times(content: Any) -> Any:
