@@ -159,7 +159,8 @@ class _Import:
         for name in np.unique(stored.class_name).tolist():
             if meant := other_spelling(name, task.classes):
                 raise DataError(
-                    f"{self._path}: class {name!r}, expected {meant!r} as in the task"
+                    f"{self._path}: class {name!r} in scene {scene.name}, "
+                    f"expected {meant!r} as in the task"
                 )
         stored = stored.select(np.isin(stored.class_name, task.classes))
         class_id = class_ids(stored.class_name.tolist(), task.classes)
