@@ -53,6 +53,7 @@ from .rollouts import RecordedAction, assemble, record_action
 from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space
 
 _MAX_SEED = 2**62
+_KEPT_SCENES = 16  # some 40 MiB
 
 
 @final
@@ -105,6 +106,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         frames_per_second = max(1, round(self.card.task.rate))
         self.metadata = {**type(self).metadata, "render_fps": frames_per_second}
         self._episode: Episode | None = None
+        self._kept: dict[str, tuple[Scene, FrameScorer | None]] = {}  # the newest last
         self._past: tuple[Observation, ...] = ()
         self._live: LiveEpisode | None = None
         self._renderer: Renderer | None = None
@@ -121,6 +123,12 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     def scene_name(self) -> str:
         """Name of the scene of this episode: ``scene_names[info["scene"]]``."""
         return self.scene.name
+
+    @property
+    def varies(self) -> bool:
+        """True if two episodes of one scene may differ before the first action."""
+        is_driven = self.card.drive is not None
+        return self._rigid_motion or self._fresh_noise or is_driven
 
     @property
     def past(self) -> tuple[Observation, ...]:
@@ -160,9 +168,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
 
         ``rng`` moves its local frame.
         """
-        scene = self._load(self.scene_names[number])
+        scene, scorer = self._open(self.scene_names[number])
         frame = LocalFrame.of(scene, rng)
-        scorer = None if self._evaluation else FrameScorer(scene, self.card)
         feed = make_feed(scene, frame, self.task, self.card)
         episode = RecordedEpisode(scene, frame, feed, number, scorer, scene.frames)
         if self._target_frames:
@@ -260,22 +267,33 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             raise ResetNeeded("no scene yet: call reset() first")
         return self._episode
 
-    def _load(self, name: str) -> Scene:
-        # the scene of the last episode need not be read again
-        if self._episode is not None and self._episode.scene.name == name:
-            scene = self._episode.scene
-        else:
+    def _open(self, name: str) -> tuple[Scene, FrameScorer | None]:
+        """Return a scene and the scorer of its frames.
+
+        The last ones stay open: training plays the same scenes again and again.
+        """
+        scene, scorer = self._kept.pop(name, (None, None))
+        if scene is None:
             scene = self._source.load(name)
+            if scene.frames == 0:
+                raise DataError(
+                    f"scene {name!r} of {self.card.id} has no frames, "
+                    "expected at least one"
+                )
+            scorer = self._scorer(scene)
+        self._kept[name] = scene, scorer
+        if len(self._kept) > (1 if self._evaluation else _KEPT_SCENES):
+            del self._kept[next(iter(self._kept))]  # the oldest
         if self._fresh_noise:
             seed = int(self.np_random.integers(_MAX_SEED))
             fresh = detected(scene, self.card, seed)
             if fresh is not scene:  # stored detections are as the source gives them
                 scene = perturbed(fresh, self.card)
-        if scene.frames == 0:
-            raise DataError(
-                f"scene {name!r} of {self.card.id} has no frames, expected at least one"
-            )
-        return scene
+                scorer = self._scorer(scene)
+        return scene, scorer
+
+    def _scorer(self, scene: Scene) -> FrameScorer | None:
+        return None if self._evaluation else FrameScorer(scene, self.card)
 
     def _recorded(self, episode: Episode, action: Action) -> RecordedAction:
         """Return the sound part of an action.

@@ -50,15 +50,16 @@ class AssociationOnly(
     begin in the frames before the first one, as `nearest` chooses.
 
     Args:
-    env: The env to wrap.
-    predictor: Forecasts the tracks; None: constant velocity
-    (`mtp_bench.prediction.KinematicPredictor`).
-    detections: M.
-    choices: Number of nearest tracks that a detection chooses from.
-    near: Metres beyond which a detection cannot continue a track.
-    presence: Probability that a track's object exists; None: certain, so the agent
-    alone decides.
-    relative: False for the reward of the env, which takes half the time.
+        env: The env to wrap.
+        predictor: Forecasts the tracks; None: constant velocity
+            (`mtp_bench.prediction.KinematicPredictor`).
+        detections: M.
+        choices: Number of nearest tracks that a detection chooses from.
+        near: Metres beyond which a detection cannot continue a track.
+        presence: Probability that a track's object exists; None: certain, so the agent
+            alone decides.
+        relative: False for the reward of the env, which takes less time in the first
+            episode of a scene.
 
     Raises MtpBenchError for a size or a distance that is not above 0, for an env of
     another library, and around another wrapper that changes observations or actions.
@@ -102,8 +103,7 @@ class AssociationOnly(
             predictor = KinematicPredictor()
         # the first one keeps the tracks of the agent, the second one, for a relative
         # reward, those of the policy `nearest`
-        player_count = 2 if relative else 1
-        self._players = [
+        self._player, self._rival = (
             Associator(
                 self._inner.task,
                 *copy.deepcopy((predictor, presence)),
@@ -111,9 +111,11 @@ class AssociationOnly(
                 choices,
                 near,
             )
-            for _ in range(player_count)
-        ]
-        self._player = self._players[0]
+            for _ in range(2)
+        )
+        self._relative = relative
+        # by scene: what `nearest` earned in each frame of an episode that has ended
+        self._earned: dict[str, list[float]] = {}
         self.shape = self._player.shape  # shape of the table
         self.options = CONTINUE + choices  # number of choices per detection
         self.observation_space = gymnasium.spaces.Box(
@@ -132,6 +134,11 @@ class AssociationOnly(
         """
         observation, info = self._env.reset(seed=seed, options=options)
         self._started = True
+        self._rewards: list[float] = []  # of `nearest` in this episode
+        is_known = self._inner.scene_name in self._earned
+        self._players = [self._player]
+        if self._relative and not is_known:
+            self._players.append(self._rival)
         for player in self._players:
             player.reset()
             for past in self._inner.past:
@@ -150,15 +157,22 @@ class AssociationOnly(
         if not self._started:
             raise ResetNeeded("no scene yet: call reset() first")
         env_action = self._player.act(self._read(action))
-        nearest_reward = 0.0
-        for player in self._players[1:]:
-            nearest_reward += self._inner.reward_of(player.act(player.nearest))
+        nearest_reward = self._nearest_reward() if self._relative else 0.0
+        self._rewards.append(nearest_reward)
         observation, env_reward, terminated, truncated, info = self._env.step(
             env_action
         )
+        if terminated and not self._inner.varies:
+            self._earned[self._inner.scene_name] = self._rewards
         info["absolute_reward"] = float(env_reward)
         reward = float(env_reward) - nearest_reward
         return self._shown(observation), reward, terminated, truncated, info
+
+    def _nearest_reward(self) -> float:
+        """Return what the policy `nearest` earns in this frame."""
+        if self._rival in self._players:
+            return self._inner.reward_of(self._rival.act(self._rival.nearest))
+        return self._earned[self._inner.scene_name][len(self._rewards)]
 
     def reward_of(self, choice: Ints) -> float:
         """Return the env's reward of choices [M] that are not taken."""

@@ -226,6 +226,26 @@ def test_the_seed_chooses_the_scene_and_options_name_it(make_env: MakeEnv) -> No
             few.reset(options=options)
 
 
+@pytest.mark.parametrize(("evaluation", "kept"), [(False, 16), (True, 1)])
+def test_the_last_scenes_stay_open(
+    evaluation: bool, kept: int, make_env: MakeEnv, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenes = [make_scene(f"scene-{number}") for number in range(18)]
+    env = make_env(*scenes, evaluation=evaluation)
+    read: list[str] = []
+    load = env._source.load
+
+    def counted(name: str) -> Scene:
+        read.append(name)
+        return load(name)
+
+    monkeypatch.setattr(env._source, "load", counted)
+    for name in [*env.scene_names, *reversed(env.scene_names)]:
+        env.reset(options={"scene": name})
+    assert len(env._kept) == kept
+    assert read == [*env.scene_names, *reversed(env.scene_names[:-kept])]
+
+
 def test_sizes_come_from_the_keywords_else_from_the_card(make_env: MakeEnv) -> None:
     env = make_env(samples=9, max_tracks=11)
     assert (env.task.samples, env.task.k, env.task.tracks, env.task.objects) == (9, 4, 11, 4)

@@ -123,6 +123,36 @@ def test_the_reward_is_that_of_the_env_less_that_of_the_nearest_neighbour(make_e
     assert all(episodes["ignore", "one by one"][:2]), "a choice earns at once what it changes"
 
 
+@pytest.mark.parametrize("rigid_motion", [False, True])
+def test_what_the_nearest_neighbour_earns_is_kept_while_scenes_stay_the_same(
+    rigid_motion: bool, make_env: MakeEnv, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    env = AssociationOnly(make_env(make_scene(frames=12), rigid_motion=rigid_motion), detections=4)
+    asked: list[float] = []
+    reward_of = MTPEnv.reward_of
+
+    def counted(self: MTPEnv, action: Any) -> float:
+        asked.append(reward_of(self, action))
+        return asked[-1]
+
+    monkeypatch.setattr(MTPEnv, "reward_of", counted)
+    for _ in range(2):  # cut short: nothing is kept of it
+        env.reset(seed=0)
+        env.step(np.full(4, NEW))
+    assert len(asked) == 2
+    episodes = []
+    for _ in range(2):
+        observation, _ = env.reset(seed=0)
+        rewards, over = [], False
+        while not over:
+            observation, reward, over, *_ = env.step(POLICIES["begin"](env, observation))
+            rewards.append(float(reward))
+        episodes.append(rewards)
+    assert len(asked) == 2 + 12 * (2 if rigid_motion else 1)
+    assert any(episodes[0])
+    assert episodes[0] == episodes[1]
+
+
 COSTS = ("cost_missed", "cost_false", "cost_error")
 POLICIES: dict[str, Callable[[Any, NDArray[np.float32]], Any]] = {
     "nearest": lambda env, observation: env.nearest(observation),
