@@ -2,6 +2,8 @@
 #             first 40 scenes were chosen so that both differences in its verdict are significant; with fewer they are not
 # make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings.
 #             It needs what pip brings: tests that need more are skipped, and the last lines say how to get it
+# make quick  lint, types, import rules and the tests that take less than .3 s of a core each, in about two minutes
+# make slow   the list of the other tests, tests/slow.txt, made anew from what the last `make test` took
 # make skipped  the tests that the last run skipped, for a machine that has now what they need
 # make held   for root: the tests of the gateway as an ordinary user
 # make lint   the same without tests, and pyright, which takes a minute alone: what users see in their editors
@@ -29,17 +31,25 @@ CHECKS := mypy import-linter ruff
 
 SKIPPED := .pytest_cache/skipped
 WORKERS := auto
-PYTEST := pytest -q --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder --list-skipped=$(SKIPPED)
+COSTS := .pytest_cache/costs
+PYTEST := pytest -q --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
+ALL_TESTS := --list-skipped=$(SKIPPED) --list-costs=$(COSTS)
 COLLECTED := .pytest_cache/collected
 
-.PHONY: demo test pytest skipped held lint kernels $(CHECKS) pyright docs pages clean
+.PHONY: demo test quick slow pytest skipped held lint kernels $(CHECKS) pyright docs pages clean
 
 demo: .venv/installed
 	@$(BIN)/mtp-bench compare mtp --env MTP-Intersection-v0 --scenes 40 --seeds 1
 
 # the checks work on a core each while the tests, which often wait, begin
 test: .venv/installed-dev
-	@$(MAKE) --no-print-directory --jobs 4 kernels $(COLLECTED) $(CHECKS) pytest
+	@$(MAKE) --no-print-directory --jobs 4 kernels $(COLLECTED) $(CHECKS) pytest TESTS='$(ALL_TESTS)'
+
+quick: .venv/installed-dev
+	@$(MAKE) --no-print-directory --jobs 4 kernels $(COLLECTED) $(CHECKS) pytest TESTS=--quick
+
+slow: $(COSTS)
+	@$(BIN)/python -m tests.support.costs $<
 
 # A folder of its own for temporary files: at its end pytest clears away those of earlier runs, and fails where tests
 # that run pytest themselves are doing the same.
@@ -50,7 +60,7 @@ pytest: kernels $(COLLECTED)
 
 # An empty list would mean all tests.
 skipped: .venv/installed-dev
-	@[ ! -s $(SKIPPED) ] || $(MAKE) --no-print-directory pytest TESTS=@$(SKIPPED) WORKERS=2
+	@[ ! -s $(SKIPPED) ] || $(MAKE) --no-print-directory pytest TESTS='@$(SKIPPED) --list-skipped=$(SKIPPED)' WORKERS=2
 
 # The sandbox holds agents for an ordinary user too, whom root plays here. All other tests of the gateway are the same
 # for every user.

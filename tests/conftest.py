@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, settings
 
 from mtp_bench.core.parallel import cores
 from tests.support.command_line import CommandLine
+from tests.support.costs import Costs, leave_out_slow
 from tests.support.leaderboards import listed, make_key, make_leaderboard
 from tests.support.programs import require_program
 from tests.support.small_scenes import write_card, write_kitti
@@ -32,9 +33,14 @@ settings.load_profile("any machine")
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--list-skipped", type=Path, help="file for the ids of skipped tests; `pytest @FILE` runs them")
+    parser.addoption("--list-costs", type=Path, help="file for the CPU seconds of each test")
+    parser.addoption("--quick", action="store_true", help="leave out the slow tests, those of tests/slow.txt")
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
+    costs = config.getoption("--list-costs")
+    if costs is not None:
+        config.pluginmanager.register(Costs(costs))
     root = os.environ.get(VARIABLE)
     if root and not Path(root).is_dir():
         raise pytest.UsageError(f"{VARIABLE} is {root!r}, expected an existing folder; unset it to run without data")
@@ -55,6 +61,8 @@ def pytest_report_header(config: pytest.Config) -> str:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if os.environ.get("PYTEST_XDIST_WORKER"):
         take_packages_in_turn(items)
+    if config.getoption("--quick"):
+        leave_out_slow(config, items)
     if os.environ.get(VARIABLE):
         return
     marked = [item for item in items if item.get_closest_marker("data")]
