@@ -131,6 +131,27 @@ agent.learn(1024)
 print("MS", 1000 * (time.process_time() - start) / 1024)
 """
 
+ASSOCIATION = """
+import sys, time, gymnasium as gym, mtp_bench
+from mtp_bench.wrappers import AssociationOnly
+names = mtp_bench.MTPEnv(sys.argv[1]).scene_names[:4]
+env = AssociationOnly(gym.make(sys.argv[1], scenes=names))
+env.action_space.seed(0)
+def play(episodes):
+    spent = reset_time = steps = 0
+    for episode in range(episodes):
+        start = time.process_time()
+        env.reset(options={"scene": names[episode % len(names)]})
+        reset_time, over = reset_time + time.process_time() - start, False
+        while not over:
+            action, start = env.action_space.sample(), time.process_time()
+            _, _, over, _, _ = env.step(action)
+            spent, steps = spent + time.process_time() - start, steps + 1
+    return 1000 * spent / steps, 1000 * reset_time / episodes
+play(len(names))
+print("MS", *play(2 * len(names)))
+"""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -189,6 +210,21 @@ ROWS = {
     ),
     "training": Row(
         "step of PPO (SB3), Roundabout", "–", ("MTP-Roundabout-v0",), TRAINING
+    ),
+    "association": Row(
+        "step and reset of AssociationOnly, Intersection",
+        "3, 10 ms",
+        (NOISY,),
+        ASSOCIATION,
+    ),
+    "training-start": Row(
+        "train modes for an epoch, one scene of nuScenes mini",
+        "4 s",
+        (
+            *("train", "predictor", "modes", "--env", "MTP-nuScenes-mini-v0"),
+            *("--on", "truth", "--scenes", "1", "--epochs", "1"),
+            *("-o", "{cache}/weights.safetensors"),
+        ),
     ),
     "mtp": Row("mtp a frame, Intersection", "1.5 ms", (NOISY, "mtp"), AGENT),
     "mtp-kitti": Row("mtp a frame, KITTI", "1.5 ms", ("MTP-KITTI-v0", "mtp"), AGENT),
