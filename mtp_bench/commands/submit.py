@@ -2,6 +2,7 @@
 
 import re
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,6 @@ from typer import Argument, BadParameter, Option
 from ..agent import load_submission
 from ..cards import load_card
 from ..core import (
-    Column,
     DataError,
     MtpBenchError,
     RecordError,
@@ -134,7 +134,8 @@ def _submit_all(
     pieces: Sequence[RecordPiece], options: RunOptions, arguments: Mapping[str, Any]
 ) -> None:
     lines = make_all(pieces, options, arguments)
-    show_table(summary_table(lines))
+    counts = Counter(line.outcome for line in lines)
+    show(", ".join(f"{counts[outcome]} {outcome}" for outcome in get_args(Outcome)))
     if all(line.outcome == "not here" for line in lines):
         raise RecordError(f"no record can be made here, the first: {lines[0].note}")
     failed = [
@@ -300,30 +301,3 @@ def _line(
     if record.status not in ("crashed", "rejected"):  # these state their reason
         reasons += list(record.missed.reasons.values())[:1]  # the first, if any
     return Line(piece, "failed", note=": ".join(reasons))
-
-
-def summary_table(lines: Sequence[Line]) -> Table:
-    """Return a row per environment and one of all.
-
-    It has the numbers of records by outcome, and the time that they took.
-    """
-    rows = []
-    for env_id in dict.fromkeys(line.piece.env for line in lines):
-        env_lines = [line for line in lines if line.piece.env == env_id]
-        rows.append(_summary(env_id, env_lines))
-    rows.append(_summary("all", lines))
-    columns = [
-        Column("environment", key="env"),
-        *(Column(key=outcome) for outcome in get_args(Outcome)),
-        Column(key="minutes", format=".1f"),
-    ]
-    return Table("records", "Records with their rollouts", "", rows, columns)
-
-
-def _summary(env_id: str, lines: Sequence[Line]) -> dict[str, str | float]:
-    outcomes = [line.outcome for line in lines]
-    return {
-        "env": env_id,
-        **{outcome: outcomes.count(outcome) for outcome in get_args(Outcome)},
-        "minutes": sum(line.seconds for line in lines) / 60,
-    }
