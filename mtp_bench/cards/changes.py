@@ -5,7 +5,7 @@ A copy may have another split or detector, other detections, or other scenes.
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TypedDict
@@ -92,18 +92,10 @@ class CardChanges:
         Raises CardError, UnknownNameError.
         Own scenes come first: split and detector are then chosen for them.
         """
-        if self.files is not None:
-            card = with_files(card, self.files)
-        if self.split is not None:
-            card = with_split(card, self.split)
-        if self.detector is not None:
-            card = with_detector(card, self.detector)
-        if self.detections is not None:
-            card = with_detections(card, self.detections)
-        if self.presence is not None:
-            card = with_presence(card, self.presence)
-        if self.perturb is not None:
-            card = with_perturb(card, self.perturb)
+        changes = self.changes
+        for name, change in _CHANGES.items():
+            if name in changes:
+                card = change(card, changes[name])
         return card
 
 
@@ -410,3 +402,13 @@ def _detector_section(path: Path) -> dict[str, object]:
         return {}
     section = validate(DetectorSection, content, f"{path.name}, [detector]", CardError)
     return {name: getattr(section, name) for name in section.model_fields_set}
+
+
+_CHANGES: dict[str, Callable[[Card, Any], Card]] = {
+    "files": with_files,
+    "split": with_split,
+    "detector": with_detector,
+    "detections": with_detections,
+    "presence": with_presence,
+    "perturb": with_perturb,
+}
