@@ -135,7 +135,8 @@ def parse_card(content: dict[str, Any], where: str = "card") -> Card:
     content = {**content, "source": read_source(content.get("source"), where)}
     card = validate(Card, content, where, CardError)
     check_consistency(card, where)
-    return card
+    # as recorded is no change, in a file too
+    return card if card.perturb is None else with_perturb(card, dict(card.perturb))
 
 
 def with_split(card: Card, split: str) -> Card:

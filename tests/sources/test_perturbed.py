@@ -58,6 +58,13 @@ def test_as_recorded_is_the_card_itself(levels: dict[str, float] | None) -> None
     assert with_perturb(card, levels).digest == card.digest
 
 
+@pytest.mark.parametrize("content", [{}, {"noise": 1.0}, {"seed": 4}])
+def test_as_recorded_in_a_file_is_the_card_itself(content: dict[str, float]) -> None:
+    """KITTI without ego motion: boxes would be turned to the world and back."""
+    card = load_card("MTP-KITTI-noego-v0")
+    assert parse_card({**card.stored(), "perturb": content}).digest == card.digest
+
+
 @pytest.mark.parametrize(("knob", "level"), KNOBS)
 def test_a_level_is_a_function_of_scene_and_seed(knob: str, level: float, plain: Scene) -> None:
     card = with_perturb(load_card(ENV), {knob: level})
@@ -201,8 +208,11 @@ def test_wrong_levels(case: str) -> None:
 
 
 def test_a_closed_loop_has_no_false_detections_of_a_whole_recording() -> None:
+    env_id = "MTP-Drive-Intersection-v0"
     with pytest.raises(CardError, match="perturb has false 2, expected 1"):
-        MTPEnv("MTP-Drive-Intersection-v0", perturb={"false": 2.0})
+        MTPEnv(env_id, perturb={"false": 2.0})
+    with pytest.raises(CardError, match="perturb has false 2, expected 1"):
+        parse_card({**load_card(env_id).stored(), "perturb": {"false": 2.0}})
 
 
 def test_truth_that_does_not_tell(plain: Scene) -> None:
