@@ -1,7 +1,8 @@
 """Detections whose errors are larger or smaller than as recorded (docs/environment).
 
-No change of a frame depends on later frames, except for false detections: closed loops
-change the frames so far, and equal the change of the whole recording.
+In a closed loop no change of a frame depends on later ones: the change of the frames
+so far equals that of the whole recording. Elsewhere copies of misses, new false
+detections and the reach of stored detections depend on the whole recording.
 """
 
 import hashlib
@@ -324,13 +325,15 @@ def _begun(life: _Rows, other: _Rows, start: int, ego: Floats) -> _Rows:
 
     The ego [F, 4] sees the beginnings in the same place.
     """
+    first = life.frame[0]
     from_ego = other.box[0, :2] - ego[other.frame[0], :2]
-    turn = ego[start, 3] - ego[other.frame[0], 3]
+    place = ego[start, :2] + rotate(from_ego, ego[start, 3] - ego[other.frame[0], 3])
+    turn = ego[start, 3] - ego[first, 3]
     box = life.box.copy()
-    box[:, :2] = ego[start, :2] + rotate(from_ego, turn)
-    box[:, :2] += rotate(life.box[:, :2] - life.box[0, :2], turn)
+    box[:, :2] = place + rotate(life.box[:, :2] - life.box[0, :2], turn)
+    box[:, 2] += ego[start, 2] - ego[first, 2]
     box[:, 3] = wrap_angle(box[:, 3] + turn)
-    frame = life.frame - life.frame[0] + start
+    frame = life.frame - first + start
     return replace(life, frame=frame, box=box, velocity=rotate(life.velocity, turn))
 
 

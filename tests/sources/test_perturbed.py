@@ -160,6 +160,24 @@ def test_false_detections_come_and_go_as_objects(plain: Scene) -> None:
     assert set(false.score) <= set(recorded.score)
 
 
+def test_the_ego_sees_new_false_detections_as_it_saw_the_recorded_ones(plain: Scene) -> None:
+    """On a road that rises and turns."""
+    ego = plain.ego.copy()
+    ego[:, 2] = np.arange(plain.frames)
+    ego[:, 3] = np.arange(plain.frames) * 0.1
+    recorded = plain.detections
+    box = recorded.box.copy()
+    box[:, 2] = ego[recorded.frame_of_rows, 2] - 1.0
+    box[:, 3] = wrap_angle(ego[recorded.frame_of_rows, 3] + 0.5)
+    no_truth = plain.truth.select(np.zeros(len(plain.truth.box), dtype=bool))
+    hill = replace(plain, ego=ego, truth=no_truth, detections=replace(recorded, box=box))
+    more = changed(hill, false=2.0).detections
+    assert len(more.box) == 2 * len(recorded.box)
+    pose = ego[more.frame_of_rows]
+    np.testing.assert_allclose(more.box[:, 2] - pose[:, 2], -1.0)
+    np.testing.assert_allclose(wrap_angle(more.box[:, 3] - pose[:, 3]), 0.5)
+
+
 @pytest.mark.parametrize("frames", [1, 2])
 def test_whole_frames_late(frames: int, plain: Scene) -> None:
     late = changed(plain, delay=frames).detections
