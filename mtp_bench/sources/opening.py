@@ -73,6 +73,11 @@ def with_tracks(
         "which takes no stored tracks",
         "they are of other scenes than those that agents drive in",
     )
+    if card.perturb is not None:
+        raise DataError(
+            "stored tracks are of the detections as recorded, and `perturb` does not "
+            "change them: leave it out"
+        )
     read_tracks = find_tracks(package_of(card), card, data, path)
     return ChangedScenes(source, lambda scene: usable(read_tracks(scene)))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench import MTPEnv
+from mtp_bench import DataError, MTPEnv
 from mtp_bench.core.errors import MtpBenchError, RolloutError
 from mtp_bench.judge import submit
 from mtp_bench.running import stored
@@ -42,6 +42,12 @@ def test_stored_boxes_come_as_detections_with_ids(card: str, kitti: str, tracks:
     assert (observation["detection_id"][~valid] == -1).all()
     found = np.sort(observation["detection_score"][valid])
     np.testing.assert_allclose(found, [-2.0, 1.0, 3.0])  # of the detections that the tracks took
+
+
+def test_stored_tracks_do_not_show_other_errors(card: str, kitti: str, tracks: str) -> None:
+    """They would win at every level: their tracker saw the detections as recorded."""
+    with pytest.raises(DataError, match="stored tracks are of the detections as recorded"):
+        MTPEnv(card, kitti, observe="tracks", tracks=tracks, perturb={"noise": 2.0})
 
 
 def test_a_stored_run(cli: CommandLine, card: str, kitti: str, known: list[str], tracks: str, tmp_path: Path) -> None:
