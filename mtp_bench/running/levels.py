@@ -11,8 +11,8 @@ from typing import Annotated, Any, NamedTuple, Unpack
 
 import numpy as np
 
-from ..agent import controls, submission_of
-from ..cards import Card, PerturbSection
+from ..agent import controls
+from ..cards import Card, PerturbSection, with_perturb
 from ..core import (
     Column,
     DataError,
@@ -50,7 +50,7 @@ from ..sources import covered_truth, detection_matches, open_source
 from .drives import drives_of, reference_ways
 from .evaluation import EnvEvaluation, evaluate
 from .options import DEFAULTS, RunKeywords, RunOptions
-from .settings import Setting, require_list, setting_of
+from .settings import Setting, distinct, setting_of
 
 LEVELS = {  # of each knob of `PerturbSection`
     "score": (0.0, 0.1, 0.2, 0.3, 0.5),
@@ -168,8 +168,10 @@ class Robustness:
         """Return the rows, or those of a subset, with differences to controls."""
         rows = self.rows if subset is None else self.on(subset)
         name = "" if subset is None else f": {SUBSET_NAMES[subset]}"
+        subsets = [Column(key="subset")] if subset is None else []
         columns = [
             *columns_of(LevelRow),
+            *subsets,
             *_columns(
                 "recorded", lambda row: self.difference(row, None, self.recorded)
             ),
@@ -282,7 +284,7 @@ def _columns(
     yield Column(
         f"to {name}", "", "", "+.3f", optional=True, key=f"to_{key}", read=mean
     )
-    yield Column(interval=True, key=f"to_{key}_interval", read=interval)
+    yield Column(optional=True, interval=True, key=f"to_{key}_interval", read=interval)
     yield Column("p", format=".3f", optional=True, key=f"to_{key}_p", read=p)
 
 
@@ -303,14 +305,17 @@ def robustness(
     at every level. Raises MtpBenchError for errors that the user can mend.
     """
     require_known("knob", knob, LEVELS)
-    require_list(agents)
-    chosen = LEVELS[knob] if levels is None else tuple(levels)
+    count = len(distinct(agents))
+    chosen = LEVELS[knob] if levels is None else tuple(dict.fromkeys(levels))
     if not chosen:
         raise MtpBenchError(f"no level of {knob}, expected at least one")
     others = keywords.get("perturb") or options.perturb or {}
+    card = options.card(env_id)
+    for level in chosen:  # an error comes before anything runs
+        with_perturb(card, {**others, knob: level})
     finished = []
     with long_work(f"levels of {knob}", progress=options.progress):
-        for level in chosen:
+        for level in sorted(chosen):
             keywords["perturb"] = {**others, knob: level}
             verb = f"running {knob} {level:g}"
             with EnvEvaluation.opened(verb, env_id, options, keywords) as evaluation:
@@ -320,12 +325,16 @@ def robustness(
                     None if folder is None else Path(folder) / f"{knob}-{level:g}.json"
                 )
                 finished.append(_level(settings, evaluation, level, path))
-    asked = [each for each in settings[: len(agents)] if each.observe not in _TRUTH]
+    asked = [each for each in settings[:count] if each.observe not in _TRUTH]
     return Robustness(
         env=card.id,
         knob=knob,
         agents=tuple(each.label for each in asked),
-        several=tuple(each.label for each in asked if (each.hypotheses or 1) > 1),
+        several=tuple(
+            each.label
+            for each in asked
+            if card.drive is None and (each.hypotheses or 1) > 1
+        ),
         levels=tuple(finished),
         is_drive=card.drive is not None,
     )
@@ -344,8 +353,7 @@ def measured_delay(agent: object, env_id: str | Card, options: RunOptions) -> in
 def _settings(agents: Sequence[object], card: Card) -> list[Setting]:
     """Return the settings of agents and controls with k samples."""
     needed = CONTROLS if card.drive is None else (_SINGLE, _TRUTH_TRACKS)
-    every_agent = [*agents, *(name for name in needed if name not in agents)]
-    return [setting_of(submission_of(agent), card) for agent in every_agent]
+    return [setting_of(each, card) for each in distinct([*agents, *needed])]
 
 
 def _level(
@@ -359,8 +367,9 @@ def _level(
     agents = [
         [each.label, each.submission.digest, each.parameters] for each in settings
     ]
-    content = [DEFINITIONS, card.digest, agents, evaluation.scenes]
-    text = json.dumps([*content, list(evaluation.options.seeds)])
+    options = evaluation.options
+    content = [DEFINITIONS, card.digest, agents, evaluation.scenes, options.tracks]
+    text = json.dumps([*content, list(options.seeds)])
     key = hashlib.sha256(text.encode()).hexdigest()
     # an object of a program may have changed since
     has_files = all(each.submission.digest for each in settings)

@@ -196,7 +196,13 @@ def expand(submission: Submission, card: Card) -> list[Setting]:
 
 
 def all_settings(agents: Iterable[object], card: Card) -> list[Setting]:
-    """Return the settings of agents, each once.
+    """Return the settings of `distinct` agents, each once."""
+    setting_lists = [expand(submission, card) for submission in distinct(agents)]
+    return list(itertools.chain(*setting_lists))
+
+
+def distinct(agents: Iterable[object]) -> list[Submission]:
+    """Return the submissions of agents, each once.
 
     ``agents``: submissions or baselines by name or folder, objects and functions.
     Further objects of one name get numbers. Raises MtpBenchError unless ``agents`` is a
@@ -214,8 +220,7 @@ def all_settings(agents: Iterable[object], card: Card) -> list[Setting]:
                 f"two submissions are called {submission.name!r}: {first.path} and "
                 f"{submission.path}; give them different names in submission.toml"
             )
-    setting_lists = [expand(submission, card) for submission in submissions.values()]
-    return list(itertools.chain(*setting_lists))
+    return list(submissions.values())
 
 
 def _numbered(

@@ -1,6 +1,7 @@
 """Agents over the strength of an error of the detector."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -163,6 +164,9 @@ def test_tables_frame_and_file(measured: tuple[Robustness, Path]) -> None:
     assert len(detector.rows) == 2
     frame = result.to_frame()
     assert len(frame) == 20
+    assert set(frame["subset"]) == {"all", "ids"}
+    assert not frame.duplicated(["level", "agent", "subset"]).any()
+    assert "subset" not in to_text(first)
     assert {"level", "agent", "value", "to_stp", "to_same_samples_interval", "to_recorded_p"} <= set(frame.columns)
     content = json.loads(json.dumps(result.to_json(), allow_nan=False))
     assert content["answer"] == str(result) == result.answer
@@ -211,6 +215,48 @@ def test_wrong_questions() -> None:
     with pytest.raises(MtpBenchError, match="no level of noise, expected at least one"):
         mtp_bench.robustness(["stp"], ENV, "noise", [])
     assert set(LEVELS) == {"score", "misses", "false", "noise", "delay"}
+
+
+@pytest.mark.parametrize("level", [17.0, float("nan"), "2", None])
+def test_a_wrong_level_is_an_error_before_any_is_run(level: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(levels, "_level", lambda *_: pytest.fail("a level was run"))
+    with pytest.raises(MtpBenchError, match="perturb: noise"):
+        mtp_bench.robustness(["stp"], ENV, "noise", [1.0, level], scenes=1)
+
+
+@pytest.fixture
+def named(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Names of the agents of each level that would be run."""
+    names: list[list[str]] = []
+
+    def note(settings: Any, evaluation: Any, level: float, _: object) -> Level:
+        names.append([f"{level:g}", *(setting.label for setting in settings)])
+        return Level(key="", detector=None, rows=[row(level, "stp", 1.0)])
+
+    monkeypatch.setattr(levels, "_level", note)
+    return names
+
+
+def test_levels_and_agents_come_once_and_in_order(named: list[list[str]]) -> None:
+    result = mtp_bench.robustness(["mtp", "mtp", "stp"], ENV, "noise", [4.0, 1, 1.0], scenes=1)
+    assert result.agents == ("mtp", "stp")
+    assert result.several == ("mtp",)
+    assert [first for first, *_ in named] == ["1", "4"]
+    assert named[0].count("stp") == named[0].count("mtp") == 1
+
+
+def test_a_closed_loop_says_nothing_of_controls_that_are_not_run(named: list[list[str]]) -> None:
+    result = mtp_bench.robustness(["mtp"], "MTP-Drive-Intersection-v0", "noise", [1.0], scenes=1)
+    assert "identity switches" not in result.answer
+    assert "stp_same_samples" not in named[0]
+
+
+def test_two_submissions_of_one_name(tmp_path: Path) -> None:
+    """Else one has the numbers of the other, or stands in for the control."""
+    folder = tmp_path / "stp"
+    shutil.copytree(Path("baselines/stp"), folder)
+    with pytest.raises(MtpBenchError, match="two submissions are called 'stp'"):
+        mtp_bench.robustness([str(folder)], ENV, "noise", [1.0], scenes=1)
 
 
 def test_memory_of_errors_and_misses() -> None:
