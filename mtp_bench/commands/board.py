@@ -1,14 +1,31 @@
 """``mtp-bench board``: records with their ranks, as tables, as a page and as files."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, astuple, replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from shutil import which
+from typing import Annotated, Any
 
 from typer import Option
 
 from ..cards import load_card
-from ..core import MtpBenchError, Progress, RecordError, Table, bundled, long_work
+from ..core import (
+    Column,
+    MtpBenchError,
+    Progress,
+    RecordError,
+    Table,
+    bundled,
+    file_stem,
+    files_digest,
+    kept,
+    library_digest,
+    long_work,
+)
 from ..judge import (
     RECORDS,
     Record,
@@ -22,6 +39,7 @@ from ..judge import (
 )
 from ..scoring import SUBSETS, Subset
 from ..viz import (
+    BoardFiles,
     Entry,
     LinkedRecord,
     Pages,
@@ -31,6 +49,7 @@ from ..viz import (
     board_tables,
     counted,
     entries_of,
+    env_order,
     parts_folder,
     require_parts,
     show,
@@ -68,36 +87,127 @@ def board(
     json_file: JsonOption = None,
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
+    folder = _records_folder(records)
+    trust = trusted(base)
     subsets: Sequence[Subset] = ("all",)  # tables show no other
     if output is not None:
         require_parts(output)
         subsets = SUBSETS
-    added_paths = added_records or ()
-    with long_work("reading records") as progress:
+    inputs = ""
+    if not (added_records or json_file or table_file):
+        inputs = _inputs(folder, output, trust)
+
+    def made(progress: Progress, env_id: str | None) -> dict[str, Any]:
         entries, refused, notes = read_board(
-            records, added_paths, env, output, trusted(base), progress, subsets
+            folder, added_records or (), env_id, output, trust, progress, subsets
         )
-    tables = board_tables(entries)
-    if json_file is not None:
-        write_json(json_file, board_json(entries))
-    data_table = board_table(entries, env or "leaderboard")
-    write_table(table_file, [table for table, _ in tables], data_table)
+        tables = board_tables(entries)
+        if json_file is not None:
+            write_json(json_file, board_json(entries))
+        if table_file is not None:
+            data_table = board_table(entries, env_id or "leaderboard")
+            write_table(table_file, [table for table, _ in tables], data_table)
+        page = () if output is None else astuple(_page(output, folder, entries))
+        stored = [_stored(*each) for each in tables]
+        return {"tables": stored, "notes": notes, "refused": refused, "page": page}
+
+    with long_work("reading records") as progress:
+        shown = _kept(folder, env, output, inputs, partial(made, progress))
+    tables, refused = shown["tables"], shown["refused"]
     _show_tables(tables, env)
-    show_lines([*notes, *(f"refused: {reason}" for reason in refused)])
+    show_lines([*shown["notes"], *(f"refused: {reason}" for reason in refused)])
     if output is not None:
-        _write_page(output, _records_folder(records), entries)
+        write_board(output, BoardFiles(*shown["page"]))
+        count = sum(len(table["rows"]) for table in tables)
+        show(f"{output}: {counted(count, 'record')}; open it in a browser")
     if strict and refused:
         raise RecordError(
             f"{counted(len(refused), 'record')} refused, the first: {refused[0]}"
         )
 
 
-def _show_tables(tables: Sequence[tuple[Table, list[str]]], env: str | None) -> None:
-    for table, lines_below in tables:
-        show_table(table, style=_row_style)
+def _kept(
+    folder: Path,
+    env: str | None,
+    page: Path | None,
+    inputs: str,
+    make: Callable[[str | None], dict[str, Any]],
+) -> dict[str, list[Any]]:
+    """Return what is shown, of each environment from the cache if nothing changed.
+
+    A page is kept as a whole. ``inputs``: see `_inputs`.
+    """
+    env_ids: list[str | None] = [env]
+    kind = "board" if page is None else "page"
+    if inputs and env is None and page is None:
+        names = {path.stem for path in record_paths(folder)}
+        env_ids = [*sorted(names, key=env_order)]
+    shown: dict[str, list[Any]] = defaultdict(list)
+    for env_id in env_ids:
+        name = f"{kind}/{file_stem(env_id or 'all')}.json"
+        key_of = partial(_key, folder, env_id, inputs)
+        for part, items in kept(name, key_of, partial(make, env_id)).items():
+            shown[part] += items
+    return shown
+
+
+def _key(folder: Path, env: str | None, inputs: str) -> str:
+    """Return the key under which a board is kept, see `_inputs`."""
+    with suppress(OSError):
+        return inputs and inputs + files_digest(record_paths(folder, env or ""))
+    return ""
+
+
+def _inputs(folder: Path, page: Path | None, trust: Trust) -> str:
+    """Return a text that changes with all but records that a board follows from.
+
+    It is empty if time may change it, or a file cannot be read.
+    """
+    leaderboard = folder.absolute().parent
+    files = [*leaderboard.glob("files/**/*"), *trust.seals.glob("*")]
+    files += leaderboard.parent.glob("baselines/*")  # the page links to them
+    # as `read_targets`, where records have a folder each or not
+    for each in (*folder.absolute().parents[:2], bundled("leaderboard")):
+        files += each.glob("targets/*")
+    with suppress(OSError):
+        digests = library_digest(), files_digest(sorted(files))
+        links = page and page.absolute(), _addresses(folder, page)
+        state = trust.state
+        return state and repr((state, which("ssh-keygen"), folder, *digests, *links))
+    return ""
+
+
+def _addresses(folder: Path, page: Path | None) -> Pages:
+    leaderboard = folder.absolute().parent
+    definitions = leaderboard.parent / "docs" / "definitions" / "index.md"
+    return Pages(_link(leaderboard / "SUBMITTING.md", page), _link(definitions, page))
+
+
+def _page(output: Path, folder: Path, entries: Sequence[Entry]) -> BoardFiles:
+    file_entries = read_file_entries(folder.absolute().parent / "files")
+    parts_name = parts_folder(output).name
+    return board_files(entries, parts_name, _addresses(folder, output), file_entries)
+
+
+def _stored(table: Table, lines: Sequence[str]) -> dict[str, Any]:
+    """Return a table and the lines below it as JSON, see `_show_tables`."""
+    rows = []
+    for record, entry in zip(table.records, table.rows, strict=True):
+        rows.append({**record, "style": _row_style(entry)})
+    columns = [asdict(replace(column, read=None)) for column in table.columns]
+    return {"title": table.title, "rows": rows, "columns": columns, "lines": lines}
+
+
+def _show_tables(tables: Sequence[Mapping[str, Any]], env: str | None) -> None:
+    for stored in tables:
+        columns = [Column(**fields) for fields in stored["columns"]]
+        table = Table("", stored["title"], "", stored["rows"], columns)
+        show_table(table, style=lambda row: str(row["style"]))
         show("")
-        show_lines(lines_below)
+        show_lines(stored["lines"])
     if not tables:
+        if env is not None:
+            load_card(env)  # no record is fine, as long as there is such an env
         place = f" of {env}" if env else ""
         show(f"no record{place} yet; `mtp-bench submit` makes one")
 
@@ -106,17 +216,6 @@ def _row_style(entry: Entry) -> str:
     if entry.added:
         return "bold green"
     return "" if entry.compared else "dim"
-
-
-def _write_page(output: Path, folder: Path, entries: Sequence[Entry]) -> None:
-    leaderboard = folder.absolute().parent
-    submitting = leaderboard / "SUBMITTING.md"
-    definitions = leaderboard.parent / "docs" / "definitions" / "index.md"
-    addresses = Pages(_link(submitting, output), _link(definitions, output))
-    file_entries = read_file_entries(leaderboard / "files")
-    parts_name = parts_folder(output).name
-    write_board(output, board_files(entries, parts_name, addresses, file_entries))
-    show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
 
 
 def read_board(
@@ -139,8 +238,7 @@ def read_board(
 
     ``page`` is the file that links start from; without one there are no links. A broken
     record of the folder is refused and stops no other. Raises MtpBenchError where the
-    folder is missing, RecordError where a record of ``added_paths`` is broken,
-    UnknownNameError for an env without a record that is not a card either.
+    folder is missing, RecordError where a record of ``added_paths`` is broken.
     """
     folder = _records_folder(folder)
     baselines = folder.absolute().parent.parent / "baselines"
@@ -174,8 +272,6 @@ def read_board(
     for record in added_records:
         shown = _with_added(shown, record)
     listed = [entry for entry in shown.values() if env in (None, entry.record.env.id)]
-    if env is not None and not listed:
-        load_card(env)  # no record is fine, as long as there is such an env
     return entries_of(listed, subsets), refused, notes + _level_notes(listed)
 
 

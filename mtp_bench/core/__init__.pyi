@@ -19,6 +19,11 @@ from .bundle import (
     bundled as bundled,
     card_ids as card_ids,
 )
+from .cache import (
+    files_digest as files_digest,
+    kept as kept,
+    library_digest as library_digest,
+)
 from .errors import (
     ActionError as ActionError,
     CardError as CardError,

@@ -15,13 +15,10 @@ from ..core import (
     MtpBenchError,
     Scene,
     Section,
-    cache_root,
     counted,
+    kept,
     long_work,
-    make_folder,
     new_folder,
-    validate_json,
-    write_text,
 )
 from ..doubts import DOCTOR_VERSION, Doubt, Examination, examine
 from ..sources import open_source, save_scene, scene_digest, with_map
@@ -181,16 +178,13 @@ def _checked(scene: Scene, card: Card, data: str | None) -> SceneCheckup:
     scene = with_map(scene, card, data)
     lanes = repr([lane.center.tolist() for lane in scene.lanes])
     state = f"{scene_digest(scene)}|{lanes}|{card.digest}|{DOCTOR_VERSION}"
-    file_name = f"{hashlib.sha256(state.encode()).hexdigest()[:32]}.json"
-    path = cache_root() / "doctor" / file_name
-    with suppress(MtpBenchError, OSError, ValueError):  # not what was written
-        text = path.read_text(encoding="utf-8")
-        return validate_json(SceneCheckup, text, str(path), MtpBenchError)
-    found = _summary(examine(scene, card), scene, card)
-    with suppress(MtpBenchError, OSError):
-        make_folder(path.parent)
-        write_text(path, found.model_dump_json())
-    return found
+    digest = hashlib.sha256(state.encode()).hexdigest()[:32]
+    text = kept(
+        f"doctor/{digest}.json",
+        lambda: digest,
+        lambda: _summary(examine(scene, card), scene, card).model_dump_json(),
+    )
+    return SceneCheckup.model_validate_json(text)
 
 
 def _unchecked(found: Examination, scene: Scene) -> list[str]:

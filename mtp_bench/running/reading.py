@@ -1,25 +1,17 @@
 """Status of the data of an env after reading all its scenes."""
 
 import hashlib
-import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..cards import Card
 from ..core import (
-    MtpBenchError,
-    Section,
     __version__,
-    cache_root,
     counted,
-    make_folder,
-    read_json,
-    validate,
-    write_text,
+    kept,
 )
 from ..scoring import HOLES, LOST_TARGETS, count_holes
 from ..sources import DataStatus, describe, open_source
@@ -28,11 +20,6 @@ if TYPE_CHECKING:
     from ..doubts import Doubt
 
 _NOT_READ = (".jpg", ".png", ".bin")  # images and points
-
-
-class _Counts(Section):
-    counts: dict[str, int]
-    notes: list[str]
 
 
 def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
@@ -83,27 +70,22 @@ def read_status(
 
     no_doctor |= card.is_trusted
     version = 0 if no_doctor else DOCTOR_VERSION
-    file_name = f"{card.digest}-{_files_digest(status.root)}-{version}.json"
-    path = cache_root() / "counts" / file_name
-    with suppress(MtpBenchError):  # missing, or not what was written
-        content = read_json(path, MtpBenchError)
-        cached = validate(_Counts, content, str(path), MtpBenchError)
-        status.counts.update(cached.counts)
-        status.notes += cached.notes
-        return status
-    notes = _read_scenes(status, card, data, no_doctor)
+    state = f"{card.digest}-{_files_digest(status.root)}-{version}"
+    counts, notes = kept(
+        f"counts/{state}.json",
+        lambda: state if status.usable else "",
+        lambda: _read_scenes(status, card, data, no_doctor),
+    )
+    status.counts.clear()
+    status.counts.update(counts)
     status.notes += notes
-    if status.usable:
-        with suppress(MtpBenchError, OSError):
-            make_folder(path.parent)
-            write_text(path, json.dumps({"counts": status.counts, "notes": notes}))
     return status
 
 
 def _read_scenes(
     status: DataStatus, card: Card, data: str | None, no_doctor: bool
-) -> list[str]:
-    """Count what the scenes hold in ``status``, and return notes on their rows."""
+) -> tuple[Mapping[str, int], list[str]]:
+    """Count what the scenes hold in ``status``, and return notes on their rows, too."""
     from .checkup import doubt_lines, scene_doubts  # slow to load
 
     source = open_source(card, data)
@@ -123,7 +105,7 @@ def _read_scenes(
             }
             status.counts.update(counts)
     line = skipped_line(total_skipped(skipped))
-    return [*filter(None, [line]), *doubt_lines(doubts)]
+    return status.counts, [*filter(None, [line]), *doubt_lines(doubts)]
 
 
 def _files_digest(root: Path) -> str:

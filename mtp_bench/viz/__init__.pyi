@@ -3,8 +3,10 @@ from .board.entries import (
     Entry as Entry,
     LinkedRecord as LinkedRecord,
     entries_of as entries_of,
+    env_order as env_order,
 )
 from .board.page import (
+    BoardFiles as BoardFiles,
     Pages as Pages,
     board_files as board_files,
     parts_folder as parts_folder,

@@ -117,9 +117,15 @@ class Checked:
             scenes = (self.record.env.split, self.record.env.data_manifest)
         return (*scenes, self.sums.targets.conditions)
 
+    @cached_property
+    def _rows(self) -> dict[Subset, Row]:
+        return {}
+
     def row_of(self, subset: Subset) -> Row:
-        """Return the row of the results that rank."""
-        return self.sums.row_of(subset)
+        """Return the row of the results that rank, which is made once."""
+        if subset not in self._rows:
+            self._rows[subset] = self.sums.row_of(subset)
+        return self._rows[subset]
 
     def sums_on(self, subset: Subset) -> UnitSums:
         """Return the ranking sums over the units of the targets of a subset."""

@@ -10,6 +10,8 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from ...core import baseline_names, clean_text
 from ...scoring import (
     DEFINITIONS,
@@ -225,23 +227,16 @@ def _scene_of_other_weight(record: Record, env: Shipped) -> str | None:
 
     None if all fit.
     """
-    scene_weights = {
-        subset: record.targets.scene_sums(record.unit_weight(subset)).tolist()
-        for subset in SUBSETS
-    }
-    for i, scene in enumerate(record.scenes):
-        frozen_weights = env.sums.get(scene_key(record.env.id, scene))
-        if frozen_weights is None or not all(
-            math.isclose(
-                scene_weights[subset][i],
-                frozen_weights[subset],
-                rel_tol=_TOLERANCE,
-                abs_tol=_TOLERANCE,
-            )
-            for subset in SUBSETS
-        ):
-            return scene
-    return None
+    missing = dict.fromkeys(SUBSETS, math.nan)  # equal to no weight
+    keys = [scene_key(record.env.id, scene) for scene in record.scenes]
+    scene_weights = [env.sums.get(key, missing) for key in keys]
+    fits = np.ones(len(keys), dtype=bool)
+    for subset in SUBSETS:
+        weights = record.targets.scene_sums(record.unit_weight(subset))
+        frozen = np.array([each[subset] for each in scene_weights])
+        largest = np.maximum(np.maximum(weights, frozen), 1.0)
+        fits &= np.abs(weights - frozen) <= _TOLERANCE * largest
+    return None if fits.all() else record.scenes[int(fits.argmin())]
 
 
 def _why_not_on_hidden(record: Record, hidden: HiddenPart | None) -> str | None:

@@ -1,5 +1,6 @@
 """Records on disk: JSON with digests and the signed level, and the stored rollouts."""
 
+import glob
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -138,12 +139,12 @@ def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
     """
     folder = Path(folder)
     paths = []
-    for path in folder.rglob("*.json"):
+    for path in folder.rglob(f"{glob.escape(env_id) or '*'}.json"):
         parts = path.relative_to(folder).parts
         is_other = any(
             p[0] == "." or p.endswith((ROLLOUTS_SUFFIX, PART_SUFFIX)) for p in parts
         )
-        if env_id in ("", path.stem) and not is_other:
+        if not is_other:
             paths.append(path)
     return sorted(paths)
 

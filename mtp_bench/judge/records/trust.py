@@ -4,14 +4,13 @@ Signatures are those of ``ssh-keygen -Y``.
 """
 
 import hashlib
-import os
+import re
 import shutil
-import stat
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
+from datetime import date
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated
@@ -25,7 +24,8 @@ from ...core import (
     Section,
     __version__,
     bundled,
-    cache_root,
+    files_digest,
+    kept,
     read_toml,
     validate,
 )
@@ -52,7 +52,7 @@ MISSING = (
 _CHECK_SECONDS = 30  # that ssh-keygen may take to check a signature
 _MOST_OUTPUT = 200  # characters of a reason that ssh-keygen gives
 # in lower case, options of keys that are not trusted for ever
-_EXPIRING = (b"valid-before", b"cert-authority")
+_EXPIRING = ("valid-before", "cert-authority")
 
 
 class _Owners(Section):
@@ -76,26 +76,31 @@ class Trust:
         """Public keys that no longer sign, one per line."""
         return self.folder / "keys" / "revoked_keys"
 
-    def check_once(self, check: Callable[[], object], *texts: str) -> None:
+    @cached_property
+    def state(self) -> str:
+        """Text that changes with what signatures count; empty if a key expires.
+
+        Raises OSError if a file cannot be read.
+        """
+        text = ""
+        if self.keys.is_file():
+            text = self.keys.read_text(encoding="utf-8", errors="replace").lower()
+        if any(word in text for word in _EXPIRING):
+            return ""
+        # keys that count from a later day on
+        starts = re.findall(r'valid-after="?(\d{8})', text)
+        today = f"{date.today():%Y%m%d}"
+        coming = [start for start in starts if start >= today]
+        return f"{files_digest([self.keys, self.revoked])} {coming}"
+
+    def check_once(self, check: Callable[[], None], *texts: str) -> None:
         """Call ``check`` of signed ``texts``, unless they passed before.
 
-        It may raise. A private file says that they passed.
+        It may raise. That they passed is kept, unless a key expires.
         """
-        keys = [
-            path.read_bytes() if path.is_file() else b""
-            for path in (self.keys, self.revoked)
-        ]
-        content = hashlib.sha256(
-            repr([__version__, *keys, *texts]).encode()
-        ).hexdigest()
-        passed = cache_root() / "signed" / content
-        if _is_private(passed.parent) and _is_private(passed):
-            return
-        check()
-        if not any(word in keys[0].lower() for word in _EXPIRING):
-            with suppress(OSError):
-                passed.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-                passed.touch(mode=0o600)
+        content = repr([__version__, self.state, *texts])
+        digest = hashlib.sha256(content.encode()).hexdigest()
+        kept(f"signed/{digest}", lambda: self.state and digest, check)
 
     @property
     def seals(self) -> Path:
@@ -230,16 +235,6 @@ def _retired(path: Path, commitment: Commitment) -> str:
             f"{commitment.commitment[:12]}"
         )
     return published.retired
-
-
-def _is_private(path: Path) -> bool:
-    """Return True if only this user may write a file or folder, not a link."""
-    with suppress(OSError):
-        status = path.lstat()
-        user = getattr(os, "geteuid", lambda: status.st_uid)()
-        is_link = stat.S_ISLNK(status.st_mode)
-        return status.st_uid == user and not status.st_mode & 0o022 and not is_link
-    return False
 
 
 def _ssh_keygen(

@@ -271,7 +271,7 @@ def _sort_key(entry: Entry) -> tuple[object, ...]:
     Entries outside the main ranking are last, references first among them.
     """
     return (
-        _env_order(entry.env),
+        env_order(entry.env),
         entry.part != "",
         entry.place or math.inf,
         not entry.compared,
@@ -283,7 +283,7 @@ def _sort_key(entry: Entry) -> tuple[object, ...]:
 
 
 @cache
-def _env_order(env_id: str) -> tuple[bool, int, str]:
+def env_order(env_id: str) -> tuple[bool, int, str]:
     """Return a sort key of environments: those without a map first.
 
     Then by the place that the card states. Of those without a place the recorded ones
