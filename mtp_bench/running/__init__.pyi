@@ -27,13 +27,12 @@ from .forecast_export import (
     export_forecasts as export_forecasts,
 )
 from .forecast_import import import_forecasts as import_forecasts
+from .level_runs import measured_delay as measured_delay, robustness as robustness
 from .levels import (
     LEVELS as LEVELS,
     Level as Level,
     LevelRow as LevelRow,
     Robustness as Robustness,
-    measured_delay as measured_delay,
-    robustness as robustness,
 )
 from .official import official_scores as official_scores
 from .options import (

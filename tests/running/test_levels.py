@@ -13,8 +13,9 @@ import mtp_bench
 from mtp_bench import MtpBenchError, Scene, UnknownNameError
 from mtp_bench.cards import load_card
 from mtp_bench.core import to_text
-from mtp_bench.running import RunOptions, compare, levels, load_run, run
-from mtp_bench.running.levels import LEVELS, Level, LevelRow, Robustness, detector_row
+from mtp_bench.running import RunOptions, compare, level_runs, load_run, run
+from mtp_bench.running.detector_rows import detector_row
+from mtp_bench.running.levels import LEVELS, Level, LevelRow, Robustness
 from mtp_bench.scoring import Subset, numbers_of
 from mtp_bench.sources import open_source
 from mtp_bench.viz.studies.curves import draw_curves
@@ -81,7 +82,7 @@ def test_finished_levels_are_not_run_again(measured: tuple[Robustness, Path], mo
     def fail(*arguments: Any) -> None:
         raise AssertionError
 
-    monkeypatch.setattr(levels, "_scores", fail)
+    monkeypatch.setattr(level_runs, "_scores", fail)
     assert mtp_bench.robustness(["mtp"], ENV, "noise", [1.0, 4.0], folder=folder, scenes=3) == result
     for changes in ({"scenes": 2}, {"seeds": [1]}, {"perturb": {"score": 0.3}}):
         options: Any = {"scenes": 3, **changes}
@@ -136,7 +137,7 @@ def test_an_object_is_run_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     asked: dict[str, Any] = {"folder": tmp_path, "scenes": 1}
     agent = mtp_bench.load_submission("stp").build
     mtp_bench.robustness([agent], ENV, "noise", [1.0], **asked)
-    monkeypatch.setattr(levels, "_scores", lambda *_: [])
+    monkeypatch.setattr(level_runs, "_scores", lambda *_: [])
     with pytest.raises(MtpBenchError, match="have no targets"):
         mtp_bench.robustness([agent], ENV, "noise", [1.0], **asked)
 
@@ -219,7 +220,7 @@ def test_wrong_questions() -> None:
 
 @pytest.mark.parametrize("level", [17.0, float("nan"), "2", None])
 def test_a_wrong_level_is_an_error_before_any_is_run(level: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(levels, "_level", lambda *_: pytest.fail("a level was run"))
+    monkeypatch.setattr(level_runs, "_level", lambda *_: pytest.fail("a level was run"))
     with pytest.raises(MtpBenchError, match="perturb: noise"):
         mtp_bench.robustness(["stp"], ENV, "noise", [1.0, level], scenes=1)
 
@@ -233,7 +234,7 @@ def named(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
         names.append([f"{level:g}", *(setting.label for setting in settings)])
         return Level(key="", detector=None, rows=[row(level, "stp", 1.0)])
 
-    monkeypatch.setattr(levels, "_level", note)
+    monkeypatch.setattr(level_runs, "_level", note)
     return names
 
 
@@ -293,7 +294,7 @@ def test_the_time_of_an_agent_is_a_delay_in_whole_frames(
     """At 2 Hz, 600 ms are one whole frame; what is stored repeats it."""
     report = mtp_bench.evaluate("stp", ENV, scenes=1)
     slow = replace(report, rows=[each.model_copy(update={"ms_per_frame": 600.0}) for each in report.rows])
-    monkeypatch.setattr(levels, "evaluate", lambda *_: slow)
+    monkeypatch.setattr(level_runs, "evaluate", lambda *_: slow)
     where = ("--env", ENV, "--scenes", 1, "--jobs", 1)
     out = cli.ok("run", "stp", *where, "--delay", "measured", "-o", tmp_path / "late")
     assert "stp takes the time of 1 whole frames: --perturb delay=1" in " ".join(out.split())
@@ -302,7 +303,7 @@ def test_the_time_of_an_agent_is_a_delay_in_whole_frames(
     digests = [[each.forecast.tobytes() for each in load_run(tmp_path / name).rollouts] for name in ("late", "same")]
     assert digests[0] == digests[1]
     monkeypatch.undo()
-    assert levels.measured_delay("stp", ENV, RunOptions()) == 0, "some milliseconds"
+    assert level_runs.measured_delay("stp", ENV, RunOptions()) == 0, "some milliseconds"
 
 
 def test_fewer_errors_lie_between_perfect_detections_and_the_recorded_ones() -> None:
