@@ -33,23 +33,29 @@ from .tables import RowTable, repeated
 
 MAX_STEPS = 100
 MAX_PLACES = 1 << 26  # in the samples of a scene
-_USUAL = "usual size of the class"
+_USUAL = "the usual size of the class"
 _OPTIONAL = {"z": "half of `h`", "yaw": "0", "l": _USUAL, "w": _USUAL, "h": _USUAL}
 _OF_TRACKS = {column.name: column for column in TRACKS}
 _BOX = [_OF_TRACKS[name] for name in BOX_COLUMNS]
 FORECASTS: tuple[TableColumn, ...] = (
-    TableColumn("scene", "name of the scene", "each scene has a table", text=True),
+    TableColumn(
+        "scene", "name of the scene", "each scene needs its own file", text=True
+    ),
     _OF_TRACKS["frame"],
     TableColumn(
         "object",
-        "whole number, one for each object within its frame",
-        "`id`; without both, each row is an object",
+        "whole number that differs between the objects of a frame",
+        "`id`; without either, each row is one object",
     ),
     replace(_OF_TRACKS["id"], without="no tracks"),
     _OF_TRACKS["class"],
     *(replace(column, without=_OPTIONAL.get(column.name, "")) for column in _BOX),
     TableColumn("confidence", "probability that the object is there, 0 to 1"),
-    TableColumn("mode", "whole number of the sample", "in the order of the rows"),
+    TableColumn(
+        "mode",
+        "number of the sample, a whole number",
+        "numbered in the order of the rows",
+    ),
     TableColumn("weight", "probability of the sample, above 0", "equal weights"),
 )
 _STEPS = [

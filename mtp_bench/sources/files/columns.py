@@ -23,14 +23,14 @@ BOX_COLUMNS = ("x", "y", "z", "yaw", "l", "w", "h")
 # s: clocks that count from 1970 fit
 _LATEST_TIME_S = 1e12
 
-_FRAME = TableColumn("frame", "whole number of the frame")
+_FRAME = TableColumn("frame", "number of the frame, a whole number")
 _CENTRE = (
     TableColumn("x", "m, centre of the box"),
     TableColumn("y", "m, centre of the box"),
     TableColumn(
         "z",
         "m, centre of the box",
-        "half of `h`: all objects stand on the ground, z = 0",
+        "half of `h`, as if all objects stood on the ground at z = 0",
     ),
     TableColumn("yaw", "rad, heading, counter-clockwise from x"),
     TableColumn("l", "m, length, along the heading, above 0"),
@@ -39,16 +39,16 @@ _CENTRE = (
 )
 _CLASS = TableColumn(
     "class",
-    "name of a class of the task, spelt alike; rows of other classes are skipped and "
-    "counted",
+    "name of a class of the task; another spelling of it, such as Car, is an error; "
+    "rows of other classes are skipped and counted",
     text=True,
 )
-_SCORE = TableColumn("score", "as the detector gives it", "1")
+_SCORE = TableColumn("score", "score that the detector gives", "1")
 _VELOCITY = tuple(
     TableColumn(name, "m/s; empty: unknown", "unknown", gaps=True, together="velocity")
     for name in ("vx", "vy")
 )
-_DIFFERENCES = "differences to the frame before"
+_DIFFERENCES = "computed from the position in the frame before"
 TABLES: dict[str, tuple[TableColumn, ...]] = {
     "truth": (
         _FRAME,
@@ -60,20 +60,20 @@ TABLES: dict[str, tuple[TableColumn, ...]] = {
         *(replace(column, without=_DIFFERENCES) for column in _VELOCITY),
         TableColumn(
             "eligible",
-            "1 or 0, true or false: can be a prediction target",
+            "1 or 0, true or false: the object can be a prediction target",
             "1",
             flag=True,
         ),
         TableColumn(
             "neutral",
-            "1 or 0, true or false: a match with it counts neither as right nor as "
-            "wrong, such as a van beside cars",
+            "1 or 0, true or false: a match with the object counts neither as right "
+            "nor as wrong, for example a van where only cars are scored",
             "0",
             flag=True,
         ),
         TableColumn(
             "visible",
-            "share in line of sight, 0 to 1, for simulated detectors",
+            "visible share of the object, 0 to 1, for simulated detectors",
             "computed from the boxes",
         ),
     ),
@@ -90,7 +90,9 @@ TABLES: dict[str, tuple[TableColumn, ...]] = {
 PROJECTION = tuple(f"p{row}{column}" for row in range(3) for column in range(4))
 AREA = ("x_min", "y_min", "x_max", "y_max")
 LABELS: dict[str, tuple[TableColumn, ...]] = {  # what of the truth is annotated
-    "annotated": (replace(_FRAME, meaning="whole number of an annotated frame"),),
+    "annotated": (
+        replace(_FRAME, meaning="number of an annotated frame, a whole number"),
+    ),
     "neutral_areas": tuple(
         TableColumn(name, "m, border of a rectangle without labels") for name in AREA
     ),
@@ -101,14 +103,14 @@ PICTURES: dict[str, tuple[TableColumn, ...]] = {  # beside those of the boxes
         TableColumn("lane", "the lane: a number or a word", text=True),
         TableColumn(
             "x",
-            "m, point of its middle line; the rows of a lane are in the direction of "
-            "travel",
+            "m, point of the lane's middle line; the rows of a lane are in the "
+            "direction of travel",
         ),
-        TableColumn("y", "m, point of its middle line"),
+        TableColumn("y", "m, point of the lane's middle line"),
         *(
             TableColumn(
                 name,
-                "m, point of a border beside x y",
+                "m, point of the lane's border beside x y",
                 "1.75 m from the middle line",
                 together="borders",
             )
@@ -116,13 +118,14 @@ PICTURES: dict[str, tuple[TableColumn, ...]] = {  # beside those of the boxes
         ),
         TableColumn(
             "junction",
-            "1 or 0, true or false: inside a junction, drawn without borders",
+            "1 or 0, true or false: the lane is inside a junction and drawn without "
+            "borders",
             "0",
             flag=True,
         ),
         TableColumn(
             "following",
-            "lanes that continue it, with blanks between them; empty: none",
+            "lanes that continue this one, separated by blanks; empty: none",
             "none",
             text=True,
             gaps=True,
@@ -131,9 +134,7 @@ PICTURES: dict[str, tuple[TableColumn, ...]] = {  # beside those of the boxes
     "images": (
         _FRAME,
         TableColumn("camera", "name of the camera, such as front", text=True),
-        TableColumn(
-            "file", "path of the image inside of the folder of the scene", text=True
-        ),
+        TableColumn("file", "path of the image inside the scene's folder", text=True),
         TableColumn("width", "pixels"),
         TableColumn("height", "pixels"),
         *(
@@ -143,16 +144,13 @@ PICTURES: dict[str, tuple[TableColumn, ...]] = {  # beside those of the boxes
     ),
 }
 TRACKS = (  # of a table of stored tracks, which is a separate file
-    replace(_FRAME, meaning="whole number of the frame, from 0"),
+    replace(_FRAME, meaning="number of the frame, a whole number from 0"),
     TableColumn(
         "id", "the track: a number or a word, the same in all frames", text=True
     ),
-    replace(
-        _CLASS,
-        meaning=f"{_CLASS.meaning}; a class of the task in other letters is an error",
-    ),
+    _CLASS,
     *_CENTRE,
-    replace(_SCORE, meaning="as the tracker gives it"),
+    replace(_SCORE, meaning="score that the tracker gives"),
     *_VELOCITY,
 )
 COLUMNS = {**TABLES, **LABELS, **PICTURES, "tracks": TRACKS}
