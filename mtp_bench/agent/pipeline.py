@@ -26,7 +26,7 @@ from .protocols import Forecasts, Frame, Predictor, Presence, Sampler, Tracker
 
 # samples in one call of a sampler: its memory must not grow with hypotheses times
 # objects
-_SAMPLES_PER_CALL = 2048
+_SAMPLES_PER_CALL = 16384
 _BELOW_LIMIT = 0.999  # share of the limit that a shortened offset has
 _SAMPLING_STREAM = 1  # stream of random numbers for sampling
 

@@ -46,12 +46,15 @@ def _take_closer(
     """Give centre ``j`` the points that are closer than ``min_distance`` [S].
 
     These squared distances and ``nearest`` [S], numbers of centres, are updated in
-    place; ``distance`` [S] is workspace. The centre is [d], points are [D, S]. The long
+    place; ``distance`` [S] is workspace, 0 at the start. The centre is [d], points are [D, S]. The long
     axis is innermost, for vector units; D is d, filled up to a multiple of six with
     zeros.
     """
-    for s in range(len(distance)):
-        distance[s] = np.float32(0.0)
+    last = len(transposed) - _AXES_AT_ONCE
+    if last > 0:
+        for s in range(len(distance)):
+            distance[s] = np.float32(0.0)
+    number = np.int32(j)  # as wide as the distances, for vector units
     for axis in range(0, len(transposed), _AXES_AT_ONCE):
         c0 = _axis(centre, axis)
         c1 = _axis(centre, axis + 1)
@@ -66,14 +69,16 @@ def _take_closer(
             d3 = transposed[axis + 3, s] - c3
             d4 = transposed[axis + 4, s] - c4
             d5 = transposed[axis + 5, s] - c5
-            distance[s] += (
+            total = distance[s] + (
                 (d0 * d0 + d1 * d1) + (d2 * d2 + d3 * d3) + (d4 * d4 + d5 * d5)
             )
-    number = np.int32(j)  # as wide as the distances, for vector units
-    for s in range(len(distance)):
-        is_nearer = distance[s] < min_distance[s]
-        min_distance[s] = distance[s] if is_nearer else min_distance[s]
-        nearest[s] = number if is_nearer else nearest[s]
+            if axis < last:
+                distance[s] = total
+            else:
+                is_nearer = total < min_distance[s]
+                # a conditional store would be slow
+                min_distance[s] = np.minimum(total, min_distance[s])
+                nearest[s] = number if is_nearer else nearest[s]
 
 
 @part
@@ -216,10 +221,10 @@ def _transpose(points: Floats, transposed: Floats) -> None:
 
     Axes from d on are filled with zeros, see `_take_closer`.
     """
-    for s in range(len(points)):
-        point = points[s]
-        for axis in range(len(transposed)):
-            transposed[axis, s] = _axis(point, axis)
+    transposed[:] = 0.0
+    for axis in range(points.shape[1]):
+        for s in range(len(points)):
+            transposed[axis, s] = points[s, axis]
 
 
 @part
@@ -239,7 +244,7 @@ def _find_clusters(
     # d, rounded up to a multiple of six
     axes = (d + _AXES_AT_ONCE - 1) // _AXES_AT_ONCE * _AXES_AT_ONCE
     transposed = np.empty((axes, n), np.float32)
-    distance = np.empty(n, np.float32)
+    distance = np.zeros(n, np.float32)
     min_distance = np.empty(n, np.float32)
     nearest = np.zeros((2, n), np.int32)
     blocks = (n + _BLOCK - 1) // _BLOCK
