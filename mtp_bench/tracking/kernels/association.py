@@ -170,5 +170,8 @@ def sort_solutions(
     cost: Floats, column: Ints, parent: Ints
 ) -> tuple[Floats, Ints, Ints]:
     """Sort costs, columns and parents of the solutions, cheapest first."""
-    order = sorted_order(cost, parent, column)
-    return cost[order], column[order], parent[order]
+    for i in range(1, len(cost)):
+        if comes_before(i, i - 1, cost, parent, column):
+            order = sorted_order(cost, parent, column)
+            return cost[order], column[order], parent[order]
+    return cost, column, parent
