@@ -93,6 +93,46 @@ def play():
 play()
 print("MS", min(play() for _ in range(3)))
 """
+K_BEST = """
+import sys, time, numpy as np, mtp_bench
+import mtp_bench.tracking.tracker as tracker_module
+from mtp_bench.env.environment import MTPEnv
+from mtp_bench.tracking import HypothesisTracker
+search, calls = tracker_module.joint_k_best, []
+def recorded(*arguments):
+    calls.append(tuple(getattr(each, "copy", lambda each=each: each)() for each in arguments))
+    return search(*arguments)
+tracker_module.joint_k_best = recorded
+env = MTPEnv(sys.argv[1])
+tracker = HypothesisTracker(20)
+tracker.reset(env.task)
+observation, _ = env.reset(options={"scene": env.scene_names[0]})
+nothing = mtp_bench.make_action(
+    env.task, np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2))
+)
+is_over = False
+while not is_over:
+    tracker.step(observation)
+    observation, _, terminated, truncated, _ = env.step(nothing)
+    is_over = terminated or truncated
+def play():
+    start = time.process_time()
+    for call in calls:
+        search(*call)
+    return 1000 * (time.process_time() - start) / len(calls)
+print("MS", min(play() for _ in range(20)))
+"""
+EPOCHS = """
+import pathlib, sys, time
+from mtp_bench.running import RunOptions
+from mtp_bench.training import TrainingPlan, TrainingRequest, train_predictor, training_windows
+request = TrainingRequest(sys.argv[2], sys.argv[1], plan=TrainingPlan(6), device="cpu")
+windows = training_windows(request, RunOptions(split="train"))
+marks = []
+train_predictor(windows, request, pathlib.Path(sys.argv[3]), lambda *_: marks.append(time.process_time()))
+# of its stages, 60 and 40 % of the epochs, the first is not counted
+print("MS", 1000 * (marks[3] - marks[0]) / 3, 1000 * (marks[5] - marks[3]) / 2)
+"""
 KERNELS = """
 try:
     from mtp_bench.running.playing import compile_kernels
@@ -233,6 +273,15 @@ ROWS = {
     ),
     "stp-mini": Row(
         "stp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "stp"), AGENT
+    ),
+    "k-best": Row(
+        "k-best association, H = 20, KITTI", "0.0235 ms", ("MTP-KITTI-v0",), K_BEST
+    ),
+    "ptp-epoch": Row(
+        "epoch of ptp, autoencoder and diverse, nuScenes mini",
+        "-",
+        ("MTP-nuScenes-mini-v0", "ptp", "{cache}/ptp.safetensors"),
+        EPOCHS,
     ),
     # 4c9bd60a compiles 13 of the 15 kernels here, the others when they are first used
     "kernels": Row(

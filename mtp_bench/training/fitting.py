@@ -208,7 +208,10 @@ class _Trainer:
         self.data = training_set.tensors(device)
         # rows of the data
         self.training_rows = torch.from_numpy(np.flatnonzero(learnt)).to(device)
-        validation_rows = np.flatnonzero(training_set.validation)
+        validated = training_set.validation
+        if not network.recipe.by_frame:  # else windows without a weight surround others
+            validated = validated & (training_set.weight > 0)
+        validation_rows = np.flatnonzero(validated)
         self.validation_rows = torch.from_numpy(validation_rows).to(device)
         # the frame of each window, if batches are of whole frames
         self.moment = self.data["moment"] if network.recipe.by_frame else None
@@ -298,6 +301,8 @@ class _Trainer:
         for rows in ordered_batches(self.validation_rows, self.moment, size):
             batch = self.batch(rows)
             modes = self.network.forward(self.weights, batch, self.sizes)["modes"]
+            is_weighted = batch["weight"] > 0
+            batch = {name: value[is_weighted] for name, value in batch.items()}
             distance = mode_distance(modes, batch["future"], batch["is_known"])
             total += float((distance.amin(dim=1) * batch["weight"]).sum())
             weight += float(batch["weight"].sum())

@@ -38,6 +38,12 @@ def sigmoid(x: Array) -> Array:
     return 0.5 * (1 + np.tanh(0.5 * x)) if xp is np else xp.sigmoid(x)
 
 
+def tanh(x: Array) -> Array:
+    """Return the hyperbolic tangent, in torch by its sigmoid, which is faster."""
+    xp = namespace(x)
+    return np.tanh(x) if xp is np else 2 * xp.sigmoid(2 * x) - 1
+
+
 def standardised(weights: Weights, name: str, x: Array) -> Array:
     """Return ``x`` less ``name.mean`` in units of ``name.spread``, clipped."""
     units = (x - weights[f"{name}.mean"]) / weights[f"{name}.spread"]
@@ -92,12 +98,12 @@ def lstm_cell(
     xp = namespace(x)
     size = hidden.shape[1]
     gates = linear(weights, name, xp.concatenate([x, hidden], 1))
-    input_gate = gates[:, :size]
-    forget_gate = gates[:, size : 2 * size]
-    new_cell = gates[:, 2 * size : 3 * size]
-    output_gate = gates[:, 3 * size :]
-    cell = sigmoid(forget_gate) * cell + sigmoid(input_gate) * xp.tanh(new_cell)
-    return sigmoid(output_gate) * xp.tanh(cell), cell
+    parts = [gates[:, i * size : (i + 1) * size] for i in range(4)]
+    if xp is not np:
+        parts = gates.chunk(4, 1)  # a quicker gradient than that of slices
+    input_gate, forget_gate, new_cell, output_gate = parts
+    cell = sigmoid(forget_gate) * cell + sigmoid(input_gate) * tanh(new_cell)
+    return sigmoid(output_gate) * tanh(cell), cell
 
 
 def layer_shapes(name: str, inputs: int, outputs: int) -> Shapes:

@@ -137,8 +137,15 @@ class Ptp:
     def forward(
         self, weights: Weights, inputs: Inputs, sizes: Sizes
     ) -> dict[str, Array]:
-        """Return the futures of the k codes of the sampling function."""
+        """Return the futures of the k codes of the sampling function.
+
+        In training they are those of windows with a weight, the others surround them.
+        """
         context = context_of(weights, inputs, sizes)
+        if "weight" in inputs:
+            is_weighted = inputs["weight"] > 0
+            context = context[is_weighted]
+            inputs = {name: value[is_weighted] for name, value in inputs.items()}
         code = sample_codes(weights, context, sizes)
         correction = decode_futures(weights, context, code, sizes)
         return {
