@@ -73,7 +73,9 @@ def main() -> None:
     for agent in NETWORKS:
         for row in result.on("all"):
             if row.agent == f"{agent}_noise":
-                print(row.level, agent, row.value, result.difference(row, agent))
+                change = result.difference(row, agent)
+                assert change is not None
+                print(f"noise {row.level:g}, {agent}: {change.mean:+.3f} m, p {change.p:.4f}")
 
 
 if __name__ == "__main__":
