@@ -75,7 +75,9 @@ def main() -> None:
             if row.agent == f"{agent}_noise":
                 change = result.difference(row, agent)
                 assert change is not None
-                print(f"noise {row.level:g}, {agent}: {change.mean:+.3f} m, p {change.p:.4f}")
+                print(
+                    f"noise {row.level:g}, {agent}: {change.mean:+.3f} m, p {change.p:.4f}"
+                )
 
 
 if __name__ == "__main__":
