@@ -2,7 +2,7 @@
 #             first 40 scenes were chosen so that both differences in its verdict are significant; with fewer they are not
 # make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings.
 #             It needs what pip brings: tests that need more are skipped, and the last lines say how to get it
-# make quick  lint, types, import rules and the tests that take less than .3 s of a core each, in about two minutes
+# make quick  lint, types, import rules and the tests that take less than .3 s of a core each; some minutes
 # make slow   the list of the other tests, tests/slow.txt, made anew from what the last `make test` took
 # make skipped  the tests that the last run skipped, for a machine that has now what they need
 # make held   for root: the tests of the gateway as an ordinary user
